@@ -13,9 +13,9 @@ from pathlib import Path
 import torch
 from tqdm import tqdm
 
+from cutenv.learning.arguments import BCArguments
 from cutenv.learning.bc import Clone
 from cutenv.learning.cloning import Cloning, script_demonstrations
-from cutenv.learning.imitation_arguments import BCArguments
 from cutenv.learning.progress import validate
 from cutenv.learning.run_folder import export, record_run, run_program
 

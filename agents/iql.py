@@ -14,7 +14,7 @@ from pathlib import Path
 import torch
 from tqdm import tqdm
 
-from cutenv.learning.imitation_arguments import IQLArguments
+from cutenv.learning.arguments import IQLArguments
 from cutenv.learning.iql import Agent, ImplicitQLearning, transition_data
 from cutenv.learning.progress import validate
 from cutenv.learning.run_folder import export, record_run, run_program

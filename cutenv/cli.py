@@ -1,4 +1,6 @@
-"""The command line: one sub-command for each use of cutenv, its module imported only when it is called.
+"""The command line.
+
+One sub-command for each use of cutenv, its module imported only when it is called.
 
 A sub-command's module has ``main(argv)`` with its own parser: the help stands where the options are used,
 and ``cutenv --help`` answers at once.

@@ -1,4 +1,6 @@
-"""Vector environments for Stable-Baselines3, over the compiled batch: ``NativeVecEnv`` and ``FeatureVecEnv``.
+"""Vector environments for Stable-Baselines3, over the compiled batch.
+
+``NativeVecEnv`` and ``FeatureVecEnv``.
 
 Stable-Baselines3 takes no ``VectorEnv`` of Gymnasium; these step all environments in one compiled call, some hundred
 times faster than its ``DummyVecEnv`` over single environments.  They need the extra ``rl``::

@@ -1,4 +1,6 @@
-"""Quantities that the reward charges and the score reports under the same name, each defined once for both.
+"""Quantities that the reward charges and the score reports.
+
+Each is defined once for both, under the same name.
 
 They work in Python and inside compiled kernels; all but :func:`wedge` take floats or arrays.
 """
@@ -14,8 +16,8 @@ from typing import TypeVar
 import numpy as np
 
 from cutenv._base.arrays import Array
+from cutenv._engine.declared import Formula
 from cutenv._engine.elementary import cotangent
-from cutenv._engine.fuse import Formula
 from cutenv._engine.jit import njit_internal
 
 T = TypeVar("T", float, Array)
@@ -128,7 +130,9 @@ PER_MILLIMETRE = 0.001
 
 @dataclass(frozen=True, kw_only=True)
 class WholeCutTerm:
-    """One cost of a map of the cut: ``weight`` times a quantity of the whole cut, charged as it grows.
+    """One cost of a map of the cut.
+
+    ``weight`` times a quantity of the whole cut, charged as it grows.
 
     What shrinks is refunded.  The map has a number for each point that the tip has passed, as the depth of the floor;
     the formulas are of sums over it.

@@ -1,4 +1,7 @@
-"""A recorded cut, reduced to what a rig can measure: one instant (`Reading`), and the whole cut (`Trace`)."""
+"""A recorded cut, reduced to what a rig can measure.
+
+One instant (`Reading`), and the whole cut (`Trace`).
+"""
 
 from __future__ import annotations
 
@@ -69,7 +72,9 @@ def _ranges(force_unit: str) -> dict[str, tuple[float, float, str, str]]:
 
 
 class Reading(NamedTuple):
-    """One instant of a cut: only what a rig can measure; unknown fields are None.
+    """One instant of a cut.
+
+    It holds only what a rig can measure; unknown fields are None.
 
     Attributes
     ----------
@@ -95,7 +100,9 @@ class Reading(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Trace:
-    """A whole cut as recorded: read-only arrays of equal length, SI and radians.
+    """A whole cut as recorded.
+
+    Read-only arrays of equal length, SI and radians.
 
     Parameters
     ----------
@@ -194,7 +201,9 @@ class Trace:
         force_unit: str = "N",
         metadata: Mapping[str, Any] | None = None,
     ) -> Trace:
-        """Collect readings into a trace; a field is known if every reading has it.
+        """Collect readings into a trace.
+
+        A field is known if every reading has it.
 
         Parameters
         ----------
@@ -257,7 +266,9 @@ class Trace:
         return speed
 
     def require(self, *names: str, by: str) -> tuple[NDArray[np.float64], ...]:
-        """Return the named fields, shape (n,) each; raise, naming the caller, if the trace lacks one.
+        """Return the named fields, shape (n,) each.
+
+        Raise, naming the caller, if the trace lacks one.
 
         Parameters
         ----------
@@ -286,7 +297,9 @@ class Trace:
         return tuple(getattr(self, name) for name in names)
 
     def require_newtons(self, *, by: str) -> NDArray[np.float64]:
-        """Return the force [N], shape (n,); raise, naming the caller, if it is normalised.
+        """Return the force [N], shape (n,).
+
+        Raise, naming the caller, if it is normalised.
 
         Raises
         ------
@@ -320,7 +333,9 @@ class Trace:
         return Trace(**columns, force_unit=self.force_unit, metadata=self.metadata)
 
     def with_metadata(self, metadata: Mapping[str, Any]) -> Trace:
-        """Return the same readings with other metadata; the readings, checked already, are not checked again.
+        """Return the same readings with other metadata.
+
+        The readings, checked already, are not checked again.
 
         Raises
         ------

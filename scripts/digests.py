@@ -32,9 +32,9 @@ import numpy as np
 import cutenv  # noqa: F401  registers the environments
 from cutenv.plant import DescendingPlant, FreehandPlant, SimulatedPlant, SteeredPlant
 from cutenv.policy import ConstantFeed, PlannerNominal, ProbeAndCreep
-from cutenv.policy.depth_scripts import FollowDepth
+from cutenv.policy.depth_policies import FollowDepth
 from cutenv.policy.interface import ArrayPolicy, script_of
-from cutenv.policy.path_scripts import BladeOnLine
+from cutenv.policy.path_policies import BladeOnLine
 from cutenv.task import registry
 from cutenv.tissue import Specimen
 from cutenv.tissue.lines import arc, s_shape

@@ -16,14 +16,13 @@ from hypothesis import strategies as st
 from cutenv._engine.randomness import generator
 from cutenv.cutting import friction as cutting_friction
 from cutenv.cutting import law as cutting_law
-from cutenv.cutting import relaxation as cutting_relaxation
 from cutenv.cutting import row as cutting_row
+from cutenv.cutting import update as cutting_relaxation
 from cutenv.cutting import update as cutting_update
 from cutenv.cutting.drive import Hand, advance_command, coupling_step, lag_gain
-from cutenv.cutting.dtypes import DRIVE, READING, STATE, TICK, new_state
+from cutenv.cutting.dtypes import DRIVE, READING, STATE, TICK, LawParameters, law_records, new_state, profile_records
 from cutenv.cutting.friction import Grip
 from cutenv.cutting.motion import STRAIGHT
-from cutenv.cutting.parameters import LawParameters, law_records, profile_records
 from cutenv.cutting.row import ONE
 from cutenv.cutting.simulate import follow
 from cutenv.plant import SimulatedPlant

@@ -11,7 +11,7 @@ from cutenv.imitated.emulator.sensor_server import Loads, SensorServer
 from cutenv.rig.config.settings import SensorSettings
 from cutenv.rig.devices.drivers import ForceSample
 from cutenv.rig.devices.host import Clock, SystemClock
-from cutenv.rig.devices.netft.netft_sensor import NetftSensor
+from cutenv.rig.devices.netft_sensor import NetftSensor
 
 LOADS: Loads = (1.5, -2.25, 3.0, 0.1, -0.2, 0.3)
 

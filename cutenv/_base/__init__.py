@@ -1,1 +1,4 @@
-"""Building blocks of every wing: validation, documented constants, files written whole, packaged data."""
+"""Building blocks of every wing.
+
+Validation, documented constants, files written whole, packaged data.
+"""

@@ -1,4 +1,7 @@
-"""Imports at first use: of names of a package, and of libraries for other formats, which extras install."""
+"""Imports at first use.
+
+Names of a package are imported so, and libraries for other formats, which extras install.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Languages of pages, one file each: texts by key, phrases by their English, and how numbers and dates are written."""
+"""Languages of pages, one file each.
+
+Texts by key, phrases by their English, and how numbers and dates are written.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Output: files written whole, by a temporary name, flushed (fsync) and renamed; progress; a reader that may end."""
+"""Files written whole, progress, and a reader that may end.
+
+A file is written by a temporary name, flushed (fsync) and renamed.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,9 @@ T = TypeVar("T")
 
 @contextmanager
 def progress_bar(description: str, unit: str, *, total: int | None = None) -> Iterator[Callable[[int], object]]:
-    """Show a progress bar on standard error; nothing where tqdm, which only shows it, is not installed.
+    """Show a progress bar on standard error.
+
+    Nothing where tqdm, which only shows it, is not installed.
 
     Yields
     ------

@@ -1,4 +1,7 @@
-"""Paths of the measured data, beside the package in a checkout, inside it in a wheel; and the checkout's commit."""
+"""Paths of the measured data, and the checkout's commit.
+
+The data lie beside the package in a checkout, inside it in a wheel.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Units of measurement: how each is spelled, and its exact size in SI units; every other table reads from these."""
+"""Units of measurement.
+
+The table says how each is spelled, and its exact size in SI units; every other table reads from it.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Input checks that name field, value, range and cure; documented constants: value, unit, range, provenance, sweep."""
+"""Input checks that name field, value, range and cure.
+
+Documented constants: value, unit, range, provenance, sweep.
+"""
 
 from __future__ import annotations
 
@@ -75,7 +78,10 @@ def one_of(name: str, value: T, choices: Iterable[T]) -> T:
 
 
 class UnexpectedKeyword(TypeError):
-    """Keyword that is not taken: Python's own error, which a command can tell apart from a fault of the program."""
+    """Keyword that is not taken.
+
+    Python's own error, which a command can tell apart from a fault of the program.
+    """
 
 
 def unexpected_keyword(of: str, keyword: str, known: Iterable[str] = (), cure: str = "") -> UnexpectedKeyword:
@@ -112,7 +118,9 @@ def parameter(
     sensitivity: tuple[float, float] | None = None,
     title: str = "",
 ) -> Any:
-    """Declare a dataclass field for one physical constant; ``source`` names the table, the derivation or the reason.
+    """Declare a dataclass field for one physical constant.
+
+    ``source`` names the table, the derivation or the reason.
 
     ``title`` is its name on report pages.
     """

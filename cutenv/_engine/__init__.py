@@ -1,1 +1,4 @@
-"""Compiled kernels: decorators, intrinsics, exact functions, random numbers, work queue and thread pool."""
+"""Compiled kernels.
+
+Decorators, intrinsics, exact functions, random numbers, work queue and thread pool.
+"""

@@ -1,16 +1,32 @@
-"""Kernels that are made from a declaration, such as a motion or a task: one source, compiled for each of them."""
+"""Kernels made from declarations, such as motions and tasks.
+
+One source is compiled for each declaration; declared formulas are fused into one kernel.
+
+A table such as that of the reward's terms declares each entry's formula as a lambda.  Numba would compile every lambda
+for a tenth of a second; here their expressions are spliced, as source text, into one function that is compiled once.
+The parameters of a formula are the names of the quantities that it uses, which are the local variables of that
+function; a name that it does not have is refused at import.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache, wraps
+import ast
+import inspect
+import linecache
+import sys
+from collections.abc import Callable, Collection, Sequence
+from functools import cache, lru_cache, wraps
 from importlib import import_module
 from operator import attrgetter
-from typing import Any
+from types import CodeType, ModuleType
+from typing import Any, TypeAlias
 
 
 class Declaration:
-    """Object of a module from which kernels are made; copied or unpickled, it is the same object."""
+    """Object of a module from which kernels are made.
+
+    Copied or unpickled, it is the same object.
+    """
 
     place: str
     """Module and name of the object, "package.module:NAME"."""
@@ -49,3 +65,94 @@ def compiled_for(decorate: Callable[[Any], Any]) -> Callable[[Callable[..., Any]
         return made
 
     return decorator
+
+
+Formula: TypeAlias = Callable[..., Any]
+"""A lambda whose parameters name quantities; all of its other names are constants or functions of its module."""
+
+
+def expression(formula: Formula, quantities: Collection[str], renamed: dict[str, str] | None = None) -> str:
+    """Return the source of a lambda's expression, in parentheses.
+
+    Parameters
+    ----------
+    formula : Formula
+        The lambda.
+    quantities : collection of str
+        Names that its parameters may have.
+    renamed : dict, optional
+        Expressions to put in the place of some parameters.
+
+    Raises
+    ------
+    ValueError
+        If it asks for another quantity, or is not a lambda whose source can be read.
+    """
+    names, renamed = inspect.signature(formula).parameters, renamed or {}
+    for name in names:
+        if name not in quantities and name not in renamed:
+            known = ", ".join(sorted({*quantities, *renamed}))
+            raise ValueError(f"{_place(formula)}: a formula asks for {name!r}; here there are: {known}.")
+    tree = ast.parse(ast.unparse(_lambda(formula).body), mode="eval")
+    return f"({ast.unparse(_Renaming({name: renamed[name] for name in names if name in renamed}).visit(tree))})"
+
+
+def fuse(name: str, parameters: Sequence[str], lines: Sequence[str], modules: Sequence[ModuleType | str]) -> Any:
+    """Return a function of the given body, not compiled yet.
+
+    Parameters
+    ----------
+    name : str
+        Its name.
+    parameters, lines : sequence of str
+        Its parameters, and the lines of its body, indented below the first.
+    modules : sequence of module or str
+        Modules, or their names, whose constants and functions the body uses.
+    """
+    space: dict[str, Any] = {}
+    for module in modules:
+        space |= vars(sys.modules[module] if isinstance(module, str) else module)
+    file = f"<fused {name}>"
+    source = (
+        "\n".join([f"def {name}({', '.join(parameters)}):", *(f"    {line}" for line in (*lines, "return"))]) + "\n"
+    )
+    linecache.cache[file] = len(source), None, source.splitlines(keepends=True), file  # for tracebacks
+    exec(compile(source, file, "exec"), space)
+    return space[name]
+
+
+class _Renaming(ast.NodeTransformer):
+    def __init__(self, renamed: dict[str, str]) -> None:
+        self._renamed = {name: ast.parse(text, mode="eval").body for name, text in renamed.items()}
+
+    def visit_Name(self, node: ast.Name) -> ast.AST:  # named by ast
+        return self._renamed.get(node.id, node)
+
+
+@lru_cache
+def _lambdas(file: str) -> list[ast.Lambda]:
+    source = "".join(linecache.getlines(file))
+    return [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Lambda)]
+
+
+def _lambda(formula: Formula) -> ast.Lambda:
+    """Find the syntax tree of a lambda in its file: the one on its line that compiles to the same code."""
+    code = formula.__code__
+    for node in _lambdas(code.co_filename):
+        if node.lineno == code.co_firstlineno and _same(node, code):
+            return node
+    raise ValueError(f"{_place(formula)}: the source of this formula cannot be read; give a lambda of one expression.")
+
+
+def _same(node: ast.Lambda, code: CodeType) -> bool:
+    again = eval(compile(ast.fix_missing_locations(ast.Expression(node)), code.co_filename, "eval")).__code__
+    return bool(_content(again) == _content(code))
+
+
+def _content(code: CodeType) -> tuple[object, ...]:
+    constants = [(type(constant), constant) for constant in code.co_consts]  # 1 == 1.0
+    return code.co_code, code.co_varnames, code.co_names, constants
+
+
+def _place(formula: Formula) -> str:
+    return f"{formula.__code__.co_filename}:{formula.__code__.co_firstlineno}"

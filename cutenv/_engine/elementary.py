@@ -1,4 +1,6 @@
-"""Elementary functions in plain float64 arithmetic, so that every machine computes the same bits.
+"""Elementary functions in plain float64 arithmetic.
+
+Every machine computes the same bits.
 
 The exponential, logarithm and tangent of a machine's own library differ from machine to machine in the last places,
 and so would every specimen sampled with them.  Here they consist of additions, multiplications, divisions and shifts
@@ -66,7 +68,9 @@ def exp(x: float) -> float:
 
 @njit_inline
 def log(x: float) -> float:
-    """Compute the natural logarithm, within 1 unit in the last place; minus infinity at 0, NaN below.
+    """Compute the natural logarithm, within 1 unit in the last place.
+
+    Minus infinity at 0, NaN below.
 
     x = 2^n (1 + f) with f between -0.3 and 0.42; ln(1 + f) is twice the inverse hyperbolic tangent of f / (2 + f), by
     its Taylor series, whose omitted terms are below 1e-18 of it.  The parts are added in the order of K. C. Ng's

@@ -1,4 +1,6 @@
-"""Functions that Numba lacks, for kernels: bit patterns of floats, prefetch, uncounted references, atomic counters.
+"""Functions that Numba lacks, for kernels.
+
+Bit patterns of floats, prefetch, uncounted references, atomic counters.
 
 Here each is plain Python, against which the tests compare; :mod:`cutenv._engine.lowering` registers them with Numba.
 """
@@ -51,7 +53,9 @@ def keep_alive(array: Any) -> None:
 
 
 def without_refcount(arrays: Arrays) -> Arrays:
-    """Return a tuple of arrays, numbers among them, without reference counting; the caller must keep the arrays alive.
+    """Return a tuple of arrays, numbers among them, without reference counting.
+
+    The caller must keep the arrays alive.
 
     It avoids contention between threads that count references to the same array.  Plain Python still counts them.
     """

@@ -1,4 +1,6 @@
-"""Decorators of kernels: taken from the library that a wheel brings, or compiled by Numba and kept on disk.
+"""Decorators of kernels.
+
+Taken from the library that a wheel brings, or compiled by Numba and kept on disk.
 
 The library is used where it was built from this very source (:mod:`cutenv._engine.native`).  Where there is none, and
 for kernels that it lacks, such as those of a task of one's own, Numba compiles.  Numba's cache watches only the file of
@@ -151,7 +153,9 @@ def njit_nogil(function: Function) -> Function:
 
 
 def njit_internal(function: Function) -> Function:
-    """Compile ``function`` for callers inside kernels only; from Python it stays plain Python, also for arrays.
+    """Compile ``function`` for callers inside kernels only.
+
+    From Python it stays plain Python, also for arrays.
 
     Most functions are called only from compiled code.  The wrapper with which Numba makes one callable from Python
     costs a quarter to a third of the compile time.
@@ -169,7 +173,7 @@ def njit_inline(function: Function) -> Function:
 
 
 def njit_fused(function: Function) -> Function:
-    """Compile like :func:`njit_inline` a function without a file, from :func:`cutenv._engine.fuse.fuse`."""
+    """Compile like :func:`njit_inline` a function without a file, from :func:`cutenv._engine.declared.fuse`."""
     return _compile_internal(function, forceinline=True, cache=False)
 
 
@@ -248,7 +252,7 @@ def _compile(function: Function, **options: Any) -> Function:
 def _compiler() -> ModuleType:
     """Return the module that compiles. Numba is imported here, and nowhere before."""
     with extra_named():
-        from cutenv._engine import lanes, shortcuts  # noqa: F401 - the lowering of lanes is registered
+        from cutenv._engine import lowering, shortcuts  # noqa: F401 - the lowering of rows is registered
     return shortcuts
 
 

@@ -1,4 +1,6 @@
-"""Kernels of the library that a wheel brings, compiled ahead of time: ``scripts/build_kernels.py`` builds it.
+"""Kernels of a wheel's library, compiled ahead of time.
+
+``scripts/build_kernels.py`` builds the library.
 
 The library is used as a whole or not at all: where any source file differs from the one that it was built from, Numba
 compiles, as it does in a checkout, which has no library.  A call with types that the library lacks goes to Numba, too.

@@ -1,8 +1,6 @@
-"""Thread pool that runs a compiled loop on several cores.
+"""Thread pool for compiled loops, and its queue.
 
-Python threads run kernels that have released the interpreter's lock (GIL).  Numba's parallel loops would do the same,
-but take some four seconds each to compile, must not be forked, and busy-wait for work, which slows whatever else runs
-on the machine.
+Chunks of a batch are claimed with atomic counters, so that no thread idles.
 """
 
 from __future__ import annotations
@@ -10,10 +8,60 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
 
 from cutenv._base.validation import in_range
-from cutenv._engine.work_queue import make_queue, wait_done
+from cutenv._engine.intrinsics import CACHE_LINE, atomic_add, atomic_load
+from cutenv._engine.jit import njit_inline, njit_nogil
+
+WorkQueue: TypeAlias = NDArray[np.int64]
+"""Work queue of one pass over a batch, shape (threads, 8): one cache line for each thread avoids false sharing."""
+_NEXT, _END, _FINISHED = range(3)  # columns: next unclaimed item and end of the thread's range; items it has done
+
+
+def make_queue(count: int, cores: int = 1) -> WorkQueue:
+    """Make a work queue: split ``count`` items into one contiguous range per thread."""
+    passed = np.zeros((cores, CACHE_LINE), np.int64)
+    passed[:, _END] = count * np.arange(1, cores + 1) // cores
+    passed[1:, _NEXT] = passed[:-1, _END]
+    return passed
+
+
+@njit_inline
+def next_chunk(passed: WorkQueue, core: int, size: int) -> tuple[int, int]:
+    """Claim the next chunk for thread ``core``, at most ``size`` items: (first, end), or (0, 0) when none is left."""
+    for k in range(len(passed)):
+        stretch = (core + k) % len(passed)
+        end = passed[stretch, _END]
+        if atomic_load(passed, stretch, _NEXT) < end:
+            first = atomic_add(passed, stretch, _NEXT, size)
+            if first < end:
+                return first, min(first + size, end)
+    return 0, 0
+
+
+@njit_inline
+def mark_done(passed: WorkQueue, core: int, size: int) -> None:
+    """Mark ``size`` items as done by ``core``; a release operation, so that others may read the results."""
+    atomic_add(passed, core, _FINISHED, size)
+
+
+@njit_nogil
+def wait_done(passed: WorkQueue, patience: int) -> bool:
+    """Poll up to ``patience`` times, a nanosecond or two each; return True as soon as all items are done."""
+    core, left = 0, passed[len(passed) - 1, _END]
+    for _ in range(patience + len(passed)):
+        if core == len(passed):
+            if left <= 0:
+                return True
+            core, left = 0, passed[len(passed) - 1, _END]
+        left -= atomic_load(passed, core, _FINISHED)
+        core += 1
+    return False
+
 
 MIN_CHUNK = 32
 """Smallest number of items per thread: below it, waking a thread (some 50 microseconds) costs more than it saves."""
@@ -57,7 +105,7 @@ def parallel_for(
 ) -> None:
     """Run ``kernel(queue, thread, *arguments)`` on up to one thread for every ``fewest`` items.
 
-    The kernel claims chunks of the ``count`` items (:mod:`cutenv._engine.work_queue`) until there are none.  A thread
+    The kernel claims chunks of the ``count`` items (:mod:`cutenv._engine.parallel`) until there are none.  A thread
     that wakes late finds less to do, and nobody waits for a thread that has not begun.  ``meanwhile`` is called while
     the other threads wake: for work that does not need what the kernel fills.
     """

@@ -1,4 +1,6 @@
-"""Counter-based random numbers: the value at (seed, stream, counter) is a pure function of the three.
+"""Counter-based random numbers.
+
+The value at (seed, stream, counter) is a pure function of the three.
 
 Sequential generators make a batch depend on the order in which its members are drawn.  Philox-4x32-10 (Salmon,
 Moraes, Dror and Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC 2011) has no state to share, so batched and

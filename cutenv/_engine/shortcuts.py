@@ -1,4 +1,6 @@
-"""Shortcuts through Numba's compiler for kernels; without them the first use takes a third longer.
+"""Shortcuts through Numba's compiler for kernels.
+
+Without them the first use takes a third longer.
 
 All of it depends on how Numba works inside, and is used only with versions up to the one tested.  Nothing is
 changed for the kernels of others: Numba compiles one function at a time, under a lock, and while that is a kernel of
@@ -46,7 +48,9 @@ def type_of(dispatcher: Any) -> Any:
 
 
 class KernelCompiler(compiler.CompilerBase):
-    """Numba's compiler without the passes for what kernels do not contain, a tenth of the time.
+    """Numba's compiler without passes that kernels do not need.
+
+    They take a tenth of the time.
 
     Kernels have no closures, no ``with``, no loops over tuples of different types, and nobody reads type annotations.
     """

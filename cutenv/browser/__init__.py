@@ -1,4 +1,6 @@
-"""Cuts by a person in a web browser: the compiled task as WebAssembly, in a page that fetches nothing.
+"""Cuts by a person in a web browser.
+
+The compiled task as WebAssembly, in a page that fetches nothing.
 
 ``scripts/build_browser_law.py`` makes the programs in ``assets/browser``, one for each task, from the kernels that
 Python runs, so a cut in the browser is that of Python to the last bit.  They are kept with the data because their
@@ -7,8 +9,7 @@ linker is large.
 
 from __future__ import annotations
 
-from cutenv.browser.page_alone import write_page_alone
-from cutenv.browser.scorm_package import write_scorm_package
+from cutenv.browser.page_alone import write_page_alone, write_scorm_package
 from cutenv.browser.stylus_steps import HandCut
 
 __all__ = ["HandCut", "write_page_alone", "write_scorm_package"]

@@ -1,4 +1,8 @@
-"""Page that cuts in a browser without a server: law, specimens, drawing and texts in one file that fetches nothing."""
+"""Page that cuts in a browser without a server.
+
+Law, specimens, drawing and texts are in one file that fetches nothing. For a learning platform it is packed by
+SCORM 1.2.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +11,7 @@ import dataclasses
 import hashlib
 import itertools
 import json
+import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,7 +22,7 @@ import cutenv
 from cutenv._base import resources
 from cutenv._base.arrays import Array, StructArray
 from cutenv._base.document import render
-from cutenv._base.language_files import languages, texts_by_key
+from cutenv._base.language_files import ENGLISH, languages, texts_by_key
 from cutenv._base.output import atomic_write
 from cutenv._base.validation import in_range, one_of
 from cutenv.browser.watched_cut import planned_way
@@ -347,3 +352,38 @@ def _base64(content: bytes) -> str:
 def script_digest(code: str) -> str:
     """Return the SHA-256 of a script as base64, by which a content security policy allows it."""
     return _base64(hashlib.sha256(code.encode()).digest())
+
+
+_PAGE = "cut.html"
+_DATE = (2000, 1, 1, 0, 0, 0)  # of every file, so that the same page gives the same package
+
+
+def write_scorm_package(path: Path, *, pass_mark: float | None = None, **options: Any) -> int:
+    """Write a SCORM 1.2 package of the page, as a whole or not at all; return its size [bytes].
+
+    Parameters
+    ----------
+    path : Path
+        Package to write (.zip).
+    pass_mark : float, optional
+        Overall score with which the page reports "passed", 0 to 100; without one it reports "completed".
+    **options
+        Those of :func:`~cutenv.browser.page_alone.page_alone`.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of range.
+    OSError
+        If the package cannot be written.
+    """
+    if pass_mark is not None:
+        in_range("pass_mark", pass_mark, 0.0, 100.0, "1", "The overall score is from 0 to 100.")
+    page = page_alone(**options, platform={"mark": None if pass_mark is None else round(pass_mark, 1)})
+    texts = texts_by_key(options.get("language", ENGLISH))
+    identifier = hashlib.sha256(page.encode()).hexdigest()[:16]
+    manifest = render(_HERE / "imsmanifest.xml", {"identifier": identifier, "page": _PAGE, "title": texts["title"]})
+    with atomic_write(path) as part, zipfile.ZipFile(part, "w") as package:
+        for name, content in (("imsmanifest.xml", manifest), (_PAGE, page)):
+            package.writestr(zipfile.ZipInfo(name, _DATE), content, zipfile.ZIP_DEFLATED)
+    return path.stat().st_size

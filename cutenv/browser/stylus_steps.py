@@ -1,4 +1,7 @@
-"""Milliseconds of a cut that a hand leads: one function for each task, compiled for Python and for the browser."""
+"""Milliseconds of a cut that a hand leads.
+
+One function for each task, compiled for Python and for the browser.
+"""
 
 from __future__ import annotations
 
@@ -22,9 +25,8 @@ from cutenv.plant.protocol import recorded_trace
 from cutenv.play.devices import ScriptedDevice, watching_hand
 from cutenv.play.hand_model import PLAYED_HAND, descent_toward, speed_over, steered_toward
 from cutenv.scoring.cut_map import LINE_KEY
-from cutenv.task.declare import OneCut, Task
+from cutenv.task.declare import GENTLE_CUT, OneCut, Task
 from cutenv.task.depth import DEPTH_CUT
-from cutenv.task.gentle import GENTLE_CUT
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE, speed_action
 from cutenv.task.path import PATH_CUT, TURN_SCALE
 from cutenv.task.stepper import step_one
@@ -313,7 +315,10 @@ class HandCut:
 
 
 class HandDepthCut(HandCut):
-    """Cut by a person's hand along a wanted depth; its third number is the level above that at the start [m]."""
+    """Cut by a person's hand along a wanted depth.
+
+    Its third number is the level above that at the start [m].
+    """
 
     environment = DepthCutEnv
     led = LED_DEEP
@@ -340,7 +345,9 @@ class HandDepthCut(HandCut):
 
 
 class HandPathCut(HandCut):
-    """Cut by a person's hand along a drawn line; its third number is the place across, to the left [m].
+    """Cut by a person's hand along a drawn line.
+
+    Its third number is the place across, to the left [m].
 
     Parameters
     ----------

@@ -1,4 +1,7 @@
-"""A cut that is watched again: movements of its hand, by which the law repeats it, and an expert's way beside it."""
+"""A cut that is watched again.
+
+Movements of its hand, by which the law repeats it, and an expert's way beside it.
+"""
 
 from __future__ import annotations
 

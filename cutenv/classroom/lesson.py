@@ -54,7 +54,7 @@ from cutenv.report.score_page import ScoredRecord, write_score_page
 from cutenv.scoring import ReferenceSet, ScoreCard, score
 from cutenv.scoring.reference import fitting_reference
 from cutenv.scoring.score_card import whole_score
-from cutenv.scoring.study.trainee import next_tries
+from cutenv.scoring.study.learning import next_tries
 from cutenv.scoring.truth import TIP_AT_END
 from cutenv.task.registry import TASKS
 from cutenv.trace import Trace

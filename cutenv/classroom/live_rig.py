@@ -18,7 +18,7 @@ from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
-from cutenv.rig.operation.live_readings import LIVE_SCHEMA
+from cutenv.rig.operation.recorder import LIVE_SCHEMA
 
 _NUMBERS = (
     "time_s", "force_N", "position_mm", "speed_mm_s", "angle_deg", "force_limit_N", "low_mm", "high_mm",

@@ -20,7 +20,7 @@ def main(argv: Sequence[str]) -> int:
     arguments = _parser().parse_args(argv)
     from cutenv.commands.inputs import record_files
     from cutenv.recording import ColumnMap, RecordError
-    from cutenv.recording.unchecked import readings_in
+    from cutenv.recording.importers import readings_in
     from cutenv.scoring.record_check import record_faults
 
     if arguments.unit is not None and arguments.map is None:

@@ -70,7 +70,7 @@ class Arguments:
 def main(argv: Sequence[str]) -> int:
     """Write a data set and print its size; 2 if an option or a record is bad."""
     arguments = from_options(Arguments, _parser().parse_args(argv))
-    from cutenv.learning.lerobot_datasets import lerobot_folder, write_lerobot
+    from cutenv.learning.lerobot import lerobot_folder, write_lerobot
     from cutenv.learning.minari_datasets import free_folder, write
 
     lerobot = arguments.format == "lerobot"

@@ -14,8 +14,7 @@ from cutenv.commands.options import command_parser, made_folder, made_place, rep
 if TYPE_CHECKING:  # slow to import, and --help does not need it
     from cutenv.trace import Trace
     from cutenv.vision.cameras import GreyImage
-    from cutenv.vision.crack_runs import RunsAndDrops
-    from cutenv.vision.depth_record import FilmedDepth
+    from cutenv.vision.depth_record import FilmedDepth, RunsAndDrops
     from cutenv.vision.film_source import VideoFrame
 
 _MEASURING = ("calibration", "record")
@@ -44,7 +43,7 @@ def main(argv: Sequence[str]) -> int:
 
 def _calibrate(arguments: argparse.Namespace) -> int:
     from cutenv.recording.schema import parse_length
-    from cutenv.vision.camera_calibration import CalibrationBoard, calibrate_cameras, read_image
+    from cutenv.vision.cameras import CalibrationBoard, calibrate_cameras, read_image
 
     if arguments.out is None or arguments.out.suffix != ".json":
         raise ValueError("--calibrate writes one file: give --out cam.json.")
@@ -74,11 +73,10 @@ def _calibrate(arguments: argparse.Namespace) -> int:
 def _measure(arguments: argparse.Namespace) -> int:
     from cutenv.recording import save
     from cutenv.recording.schema import parse_length
-    from cutenv.report.depth_page import FilmedRecord, write_depth_page, write_frame_table
+    from cutenv.report.film_pages import FilmedRecord, write_depth_page, write_frame_table
     from cutenv.vision.blade_mark import MarkedBlade
     from cutenv.vision.cameras import CalibratedCameras
-    from cutenv.vision.crack_runs import runs_and_drops, seen_runs
-    from cutenv.vision.depth_record import filmed_depth
+    from cutenv.vision.depth_record import filmed_depth, runs_and_drops, seen_runs
     from cutenv.vision.film_source import video_facts, video_frames
     from cutenv.vision.marked_blade import BladeCameras
 

@@ -30,7 +30,7 @@ def main(argv: Sequence[str]) -> int:
     """Run the command; return 0, or 2 if tracks, record or options are bad."""
     arguments = _parser().parse_args(argv)
     from cutenv.commands.inputs import chosen_cut, read_records
-    from cutenv.report.field_page import FieldResult, write_field_page
+    from cutenv.report.film_pages import FieldResult, write_field_page
     from cutenv.vision import BeadTracks
 
     model, truth = _model(arguments), _truth(arguments.truth)

@@ -94,7 +94,7 @@ def _answer(path: Path, question: Question) -> Mapping[str, str]:
 def _print(path: Path, found: Imported | RecordError) -> None:
     from cutenv.recording import RecordError
     from cutenv.report import RecordPicture
-    from cutenv.report.terminal_figure import record_lines
+    from cutenv.report.look_page import record_lines
 
     print(f"{path}")
     if isinstance(found, RecordError):

@@ -31,10 +31,9 @@ def main(argv: Sequence[str]) -> int:
     from cutenv._base.validation import in_range
     from cutenv.commands.studied_cuts import check_page, studied_cuts, study_name
     from cutenv.recording import load_operators
-    from cutenv.report.pass_mark_page import write_pass_mark_page
-    from cutenv.report.pass_mark_table import pass_mark_lines
+    from cutenv.report.pass_mark_page import pass_mark_lines, write_pass_mark_page
     from cutenv.scoring.study import StandardSetting
-    from cutenv.scoring.study.standard_setting import check_metrics, other_group
+    from cutenv.scoring.study.pass_mark import check_metrics, other_group
 
     check_page(arguments.out)
     given = _given(arguments.mark or ())

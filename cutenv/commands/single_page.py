@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cutenv._base.language_files import ENGLISH, languages
-from cutenv.browser.page_alone import OFFERED, OFFERED_LINES, write_page_alone
-from cutenv.browser.scorm_package import write_scorm_package
+from cutenv.browser.page_alone import OFFERED, OFFERED_LINES, write_page_alone, write_scorm_package
 from cutenv.commands.options import (
     add_task,
     add_tissue,

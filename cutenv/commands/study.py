@@ -37,8 +37,7 @@ def main(argv: Sequence[str]) -> int:
     from cutenv._base.validation import in_range, one_of
     from cutenv.commands.studied_cuts import check_page, studied_cuts, study_name
     from cutenv.recording import load_operators
-    from cutenv.report.study_page import write_study
-    from cutenv.report.study_table import crossover_lines, table_lines
+    from cutenv.report.study_page import crossover_lines, table_lines, write_study
     from cutenv.report.trainee_sheet import write_class_list, write_trainee_sheet
     from cutenv.scoring import METRICS
     from cutenv.scoring.study import Study

@@ -21,14 +21,15 @@ from typing import Any
 from cutenv.commands.options import command_parser
 from cutenv.learning.arguments import (
     BadArguments,
+    BCArguments,
     CrossQArguments,
+    IQLArguments,
     LearnerArguments,
     PPOArguments,
     RecurrentPPOArguments,
     SACArguments,
     TQCArguments,
 )
-from cutenv.learning.imitation_arguments import BCArguments, IQLArguments
 from cutenv.learning.run_folder import RunRequest, add_run_options, run_request
 
 LEARNERS: dict[str, tuple[str, type[LearnerArguments]]] = {

@@ -85,7 +85,7 @@ def _use_policies(task: RegisteredTask) -> None:
     """Let scripts and planner of a task cut, with what a learner and its critic are shown."""
     import numpy as np
 
-    from cutenv.envs.batch import CutBatch
+    from cutenv.envs.vector import CutBatch
     from cutenv.learning.evaluation import batched_rollout
     from cutenv.plant.protocol import recorded_trace
     from cutenv.scoring import score

@@ -1,1 +1,4 @@
-"""The cut: the law of crack growth under a driven blade, its drive and its force sensor."""
+"""The cut.
+
+The law of crack growth under a driven blade, its drive and its force sensor.
+"""

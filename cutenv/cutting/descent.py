@@ -1,4 +1,6 @@
-"""Vertical motion of the blade: the cutting law where depth is a degree of freedom.
+"""Vertical motion of the blade.
+
+The cutting law where depth is a degree of freedom.
 
 The blade's lower end is at a level h [m]; at h = 0 it cuts as deep as the specimen's profile says, B(x), and the
 law is that of :mod:`cutenv.cutting.update`, to the last bit.  Elsewhere the tip is engaged to the depth D = B - e, with

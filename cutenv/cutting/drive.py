@@ -1,4 +1,6 @@
-"""Drives of the blade: a rig's velocity loop, a rig's PD position control, or a hand that holds it softly.
+"""Drives of the blade.
+
+A rig's velocity loop, a rig's PD position control, or a hand that holds it softly.
 
 PD control is a spring and a damper between the wanted and the actual position, and so is a hand's grip: one law, with a
 motor's numbers or a person's.
@@ -24,7 +26,10 @@ from cutenv.cutting.friction import Grip
 
 @dataclass(frozen=True, kw_only=True)
 class Rig:
-    """A motor and lead screw far stiffer than tissue (thesis 3.3.1): position does not yield to force."""
+    """A motor and lead screw far stiffer than tissue (thesis 3.3.1).
+
+    Position does not yield to force.
+    """
 
     motor_lag: float = parameter(
         0.040, unit="s", low=0.001, high=1.0, provenance="assumed",
@@ -65,7 +70,10 @@ class Rig:
 
 @dataclass(frozen=True, kw_only=True)
 class Hand:
-    """A person: a spring and a damper join hand and blade, so that a sudden drop of force makes the blade lurch."""
+    """A person's hand, which leads the blade by spring and damper.
+
+    So a sudden drop of force makes the blade lurch.
+    """
 
     motor_lag: float = parameter(
         0.080, unit="s", low=0.001, high=1.0, provenance="assumed",
@@ -113,7 +121,9 @@ class Hand:
 
 @dataclass(frozen=True, kw_only=True)
 class PDRig:
-    """A motor under PD position control (thesis 3.1): position error and its derivative command the motor's force.
+    """A motor under PD position control (thesis 3.1).
+
+    Position error and its derivative command the motor's force.
 
     The wanted position is that of a carriage which reaches the commanded speed at constant ``acceleration``.  All
     quantities are referred to the carriage.  Under the tissue's force F the blade yields by F / ``proportional_gain``,
@@ -200,7 +210,9 @@ def lag_gain(drive: Struct, dt: float) -> float:
 def dead_time_step(
     command: float, dead_ticks: int, next_target: float, waiting: int, target: float
 ) -> tuple[float, int, float]:
-    """Advance the dead time by one tick; return (pending command, ticks left, active command), speeds in [m/s].
+    """Advance the dead time by one tick.
+
+    Return (pending command, ticks left, active command), speeds in [m/s].
 
     A command must last longer than the dead time.
     """

@@ -1,4 +1,6 @@
-"""Friction on the blade's faces: a spring until they slip, as in Dahl's and elastoplastic friction models.
+"""Friction on the blade's faces.
+
+A spring until they slip, as in Dahl's and elastoplastic friction models.
 
 Tissue sticks to a blade at rest and follows the first tenth of a millimetre of its motion elastically, as if held by
 bristles; only then it slips.  So friction reverses over a length, not at once, when the motion does, and a hand that
@@ -62,7 +64,9 @@ def friction_force(law: Struct, depth: float, bristle: float, speed: float) -> f
 def friction_work(
     law: Struct, depths: tuple[float, float], bristles: tuple[float, float], dx: float, speed: float
 ) -> float:
-    """Return the work [J] against friction over a motion ``dx`` [m]; depths and deflections are before and after it.
+    """Return the work [J] against friction over a motion ``dx`` [m].
+
+    Depths and deflections are before and after it.
 
     For bristles that do not slip it is the integral of their force over a depth that changes linearly, so that back and
     forth, in steps of any size, they give back the energy that they took.

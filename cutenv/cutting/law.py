@@ -1,4 +1,6 @@
-"""The cutting law: the parts of the tissue's response to one small motion of the blade.
+"""The cutting law.
+
+The parts of the tissue's response to one small motion of the blade.
 
 :func:`cutenv.cutting.update.cut_row` puts them together.
 
@@ -10,7 +12,7 @@ and in sudden runs once the force reaches the initiation force.  A ledger keeps 
 
 Symbols: x, a blade and tip [m]; theta angle [rad], 90 degrees upright; K stiffness [N/m]; R fracture resistance
 without its share of friction [J/m2]; B depth [m]; eta excess of the initiation force; U = K (x - a)^2 / 2 [J].
-Source: chapters 3 to 6 of the thesis (docs/validation); :mod:`cutenv.cutting.parameters` lists which constants are
+Source: chapters 3 to 6 of the thesis (docs/validation); :mod:`cutenv.cutting.dtypes` lists which constants are
 measured, derived or assumed.
 """
 
@@ -181,7 +183,9 @@ def on_unload(ledger: float, loss: float) -> tuple[float, float]:
 
 @njit_inline
 def force_to_grow(law: Struct, arrest_ratio: float, held_force: float, pushing: float, toughness: float) -> float:
-    """Return the force [N] above which a loading blade cuts; below it, it loads and unloads elastically.
+    """Return the force [N] above which a loading blade cuts.
+
+    Below it, it loads and unloads elastically.
 
     It is the force at which the crack last came to rest, or (1 - eta) R B where that is lower.  A blade that cut up to
     a higher force and drew back reaches that force again before it goes on cutting (thesis, Figures 6.6 and 6.7).

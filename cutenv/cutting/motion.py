@@ -1,4 +1,6 @@
-"""Motions of a blade: what a further axis, downwards or to the side, adds to the law of a straight cut.
+"""Motions of a blade.
+
+A motion is what a further axis, downwards or to the side, adds to the law of a straight cut.
 
 A :class:`Motion` declares a record of each cut and the functions, its hooks, that the law calls within an update.  The
 straight cut is the motion without hooks.

@@ -1,4 +1,6 @@
-"""A row of cuts as a structure of arrays (SIMD lanes), gathered from the cuts' records and scattered back.
+"""A row of cuts as a structure of arrays (SIMD lanes).
+
+It is gathered from the cuts' records and scattered back.
 
 The number of lanes is part of a row's type: kernels are compiled once for :data:`ROW`, whose loops become vector
 instructions, and once for :data:`ONE`, where they vanish.
@@ -170,7 +172,10 @@ def law_in_row(row: Struct, n: int) -> LawInRow:
 
 
 class Plain(NamedTuple):
-    """A row and the cuts' records as flat arrays of float64: a view costs more than a copy, so they are made once."""
+    """A row and the cuts' records as flat arrays of float64.
+
+    A view costs more than a copy, so they are made once.
+    """
 
     row: StructArray
     states: StructArray

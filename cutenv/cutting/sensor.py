@@ -1,4 +1,7 @@
-"""The force sensor: delay, drift, noise, resolution and tare, shared by the simulator and the rig's emulator."""
+"""The force sensor.
+
+Delay, drift, noise, resolution and tare, shared by the simulator and the rig's emulator.
+"""
 
 from __future__ import annotations
 
@@ -165,7 +168,9 @@ class SensorParameters:
 
 
 class Sensor:
-    """A force sensor with a memory: pass it the true force once a millisecond, read the force that a rig would measure.
+    """A force sensor with a memory.
+
+    Pass it the true force once a millisecond, read the force that a rig would measure.
 
     Parameters
     ----------

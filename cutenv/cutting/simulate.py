@@ -1,4 +1,7 @@
-"""Loops over updates of the cutting law, made for each motion: one cut, a path, and many cuts in parallel."""
+"""Loops over updates of the cutting law, made for each motion.
+
+One cut, a path, and many cuts in parallel.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from cutenv._base.arrays import Array, StructArray
 from cutenv._engine.declared import compiled_for
 from cutenv._engine.intrinsics import first_row, keep_alive, without_refcount
 from cutenv._engine.jit import njit, njit_nogil
-from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
+from cutenv._engine.parallel import WorkQueue, mark_done, next_chunk
 from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.law import EnergyAccount, account
 from cutenv.cutting.motion import STRAIGHT, Motion, Moving
@@ -34,7 +37,10 @@ from cutenv.tissue.specimen import LENGTH
 
 
 class Physics(NamedTuple):
-    """The records of n cuts that the law needs to continue, structured arrays of shape (n,); hidden truth included."""
+    """Records of n cuts that the law needs to continue.
+
+    They are structured arrays of shape (n,), hidden truth included.
+    """
 
     states: StructArray
     profiles: StructArray

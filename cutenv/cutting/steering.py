@@ -1,4 +1,6 @@
-"""The cutting law in the plane: blade and crack tip leave a drawn line, and the tip turns after the blade.
+"""The cutting law in the plane.
+
+Blade and crack tip leave a drawn line, and the tip turns after the blade.
 
 Places are given along the drawn line: s, the arc length of the foot point, and d, the distance to the line, positive to
 the left [m].  In front of the tip the tissue holds the blade as the 2 x 2 stiffness K at the tip tells; u is the
@@ -39,8 +41,7 @@ from cutenv._engine.randomness import Integer
 from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.law import LONGEST_ADVANCE, at_share, grid_index, lerp, stiffness_at, toughness_at, value_and_rise
 from cutenv.cutting.motion import Motion, Moving
-from cutenv.tissue.drawn_lines import given_line
-from cutenv.tissue.expected_cut import CRACK_CURVATURE
+from cutenv.tissue.drawn_lines import CRACK_CURVATURE, given_line
 from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
 from cutenv.tissue.lines import WIDTH, CutLine
 from cutenv.tissue.place_model import beside_line
@@ -198,7 +199,10 @@ class CrackFrame(NamedTuple):
 
 
 class LineStiffness(NamedTuple):
-    """Direction of a line at one of its points, its curvature [1/m], and the stiffness along and across it [N/m]."""
+    """Direction, curvature [1/m] and stiffness [N/m] at a line's point.
+
+    The stiffness is along and across the line.
+    """
 
     cosine: float
     sine: float
@@ -303,7 +307,10 @@ def advanced(place: Struct, steering: Struct, a: float, i: int, share: float) ->
 
 
 class CutPoint(NamedTuple):
-    """Point of a cut: cell of the grid, place along the line and distance to its left [m]."""
+    """Point of a cut.
+
+    Cell of the grid, place along the line and distance to its left [m].
+    """
 
     cell: int
     place: float

@@ -1,4 +1,6 @@
-"""One force update, a millisecond, of every cut in a row: drive, cutting law and force sensor.
+"""One force update, a millisecond, of every cut in a row.
+
+Drive, cutting law and force sensor.
 
 The functions of :mod:`cutenv.cutting.law` and its neighbours are called in loops over the lanes of a row, a structure
 of arrays (:mod:`cutenv.cutting.row`).  A loop that does nothing but arithmetic is compiled to vector instructions,
@@ -6,6 +8,16 @@ eight numbers at once on a processor that has them; for a row of one lane it is 
 Gathering from each cut's own profile has separate loops; so has turning, skipped where no blade turns, and the unstable
 run of a crack, which is computed one cut after the other.  A cut's results do not depend on the lanes beside it
 (tested).
+
+Viscoelastic relaxation is off unless a share of the modulus is set to relax. It is one Maxwell arm beside a spring: the
+spring K responds at once, and part of what it holds creeps away.  With rho the relaxing share, u the displacement of
+the tissue at the tip (x - a while the blade holds it), and g the part of u that has crept,
+
+    F = K (u - g),        dg/dt = (rho u - g) / ((1 - rho) T),
+
+so that a held blade's force falls to (1 - rho) K u, and free tissue recovers within T, the time constant of creep
+under constant load.  The stored energy is K (u - g)^2 / 2 + K g^2 (1 - rho) / (2 rho).  The law uses u - g in place of
+x - a.
 """
 
 from __future__ import annotations
@@ -55,9 +67,32 @@ from cutenv.cutting.law import (
     value_and_rise,
 )
 from cutenv.cutting.motion import Motion, Moving
-from cutenv.cutting.relaxation import relaxed
 from cutenv.cutting.row import BladeInRow, DriveInRow, law_in_row
 from cutenv.cutting.sensor import feel_row
+
+
+@njit_inline
+def crept(law: Struct, reach: float, creep: float, dt: float) -> float:
+    """Return the creep g [m] after ``dt``, for a blade ``reach`` [m] ahead of the tip."""
+    rate = dt / ((1.0 - law.relaxing_share) * law.creep_time)
+    return (creep + rate * law.relaxing_share * max(reach, creep)) / (1.0 + rate)  # type: ignore[no-any-return]
+
+
+@njit_inline
+def energy_of_creep(law: Struct, K: float, creep: float) -> float:
+    """Return the energy [J] that the tissue would give back as it recovers."""
+    return 0.5 * K * creep**2 * (1.0 - law.relaxing_share) / law.relaxing_share  # type: ignore[no-any-return]
+
+
+@njit_inline
+def relaxed(law: Struct, K: float, reach: float, creep: float, dt: float) -> tuple[float, float, float, float]:
+    """Return creep [m] after ``dt``, its energy before and then, and the loss [J]; the blade is ``reach`` [m] ahead."""
+    here = energy_of_creep(law, K, creep)
+    next_creep = crept(law, reach, creep, dt)
+    next_locked = energy_of_creep(law, K, next_creep)
+    before = 0.5 * K * max(reach - creep, 0.0) ** 2 + here
+    after = 0.5 * K * max(reach - next_creep, 0.0) ** 2 + next_locked
+    return next_creep, here, next_locked, before - after
 
 
 @compiled_for(njit_inline)

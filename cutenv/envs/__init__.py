@@ -11,9 +11,7 @@ if TYPE_CHECKING:
     from cutenv.envs.depth_cut import DepthCutEnv, DepthCutVectorEnv
     from cutenv.envs.gentle_cut import GentleCutEnv
     from cutenv.envs.path_cut import PathCutEnv, PathCutVectorEnv
-    from cutenv.envs.rig_cut import RigCutEnv
-    from cutenv.envs.rig_depth_cut import RigDepthCutEnv
-    from cutenv.envs.rig_path_cut import RigPathCutEnv
+    from cutenv.envs.rig_cut import RigCutEnv, RigDepthCutEnv, RigPathCutEnv
     from cutenv.envs.shared_control import SharedControl
     from cutenv.envs.vector import GentleCutVectorEnv
 
@@ -42,8 +40,8 @@ __getattr__ = import_when_used(
         "PathCutEnv": "cutenv.envs.path_cut",
         "PathCutVectorEnv": "cutenv.envs.path_cut",
         "RigCutEnv": "cutenv.envs.rig_cut",
-        "RigDepthCutEnv": "cutenv.envs.rig_depth_cut",
-        "RigPathCutEnv": "cutenv.envs.rig_path_cut",
+        "RigDepthCutEnv": "cutenv.envs.rig_cut",
+        "RigPathCutEnv": "cutenv.envs.rig_cut",
         "SharedControl": "cutenv.envs.shared_control",
         "set_cores": "cutenv._engine.parallel",
     },

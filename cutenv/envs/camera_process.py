@@ -1,4 +1,6 @@
-"""Process that films beside a rig: it measures the depth in every frame, and puts it into the record of each cut.
+"""Process that films beside a rig.
+
+It measures the depth in every frame, and puts it into the record of each cut.
 
 :class:`cutenv.rig.devices.camera.RigCamera` starts it with its settings as JSON, and speaks with it in lines of JSON:
 ``{"begin": true}`` and ``{"record": path}`` go in, ``{"frame": time}``, ``{"ended": reason}`` and ``{"record": note}``

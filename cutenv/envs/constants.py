@@ -1,4 +1,7 @@
-"""Constants of an episode by keyword: each belongs to the drive, the sensor, the law, the task or the lab."""
+"""Constants of an episode by keyword.
+
+Each belongs to the drive, the sensor, the law, the task or the lab.
+"""
 
 from __future__ import annotations
 
@@ -13,14 +16,13 @@ from numpy.typing import NDArray
 
 from cutenv._base.validation import check_parameters, one_of, parameter, unexpected_keyword
 from cutenv.cutting.drive import DRIVES, Drive, Rig
-from cutenv.cutting.parameters import LawParameters
+from cutenv.cutting.dtypes import LawParameters
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.task.beginning import measure_depth
-from cutenv.task.weights import Limits, RewardWeights
-from cutenv.tissue.blade_wear import BladeWear
+from cutenv.task.reward import Limits, RewardWeights
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.grid import field_modes
-from cutenv.tissue.specimen import N_POINTS, SPACING
+from cutenv.tissue.specimen import N_POINTS, SPACING, BladeWear
 
 _PREFIX = "weight_"
 T = TypeVar("T")

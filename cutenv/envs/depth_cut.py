@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from cutenv.envs.described import described
 from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.envs.gymnasium_facts import described
 from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.task.depth import DepthOptions, to_depth_action
 
@@ -94,6 +94,6 @@ class DepthCutEnv(GentleCutEnv):
 
 
 class DepthCutVectorEnv(GentleCutVectorEnv):
-    """Many ``cutenv/DepthCut-v1``, bit for bit equal to single ones with the same seeds and actions."""
+    """Many ``cutenv/DepthCut-v1``, each bit for bit as alone."""
 
     single_class = DepthCutEnv

@@ -1,4 +1,7 @@
-"""Difficulty of a specimen: the scores that scripts get on this very one, so that a hard liver is not a bad hand."""
+"""Difficulty of a specimen.
+
+The scores that scripts get on this very one, so that a hard liver is not a bad hand.
+"""
 
 from __future__ import annotations
 

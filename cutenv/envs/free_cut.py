@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cutenv._base.arrays import Array, Array32
-from cutenv.envs.described import described
+from cutenv.envs.gymnasium_facts import described
 from cutenv.envs.path_cut import PathCutEnv
 from cutenv.plant.freehand_plant import GrowingModel
 from cutenv.task.episode import Goal
@@ -17,7 +17,10 @@ from cutenv.tissue.grid import SPACING
 
 
 class FreeEpisode(PathEpisode):
-    """An episode along a drawn line whose stiffness the finite-element model tells, as the crack grows."""
+    """An episode along a drawn line in a growing finite-element model.
+
+    The model tells the stiffness as the crack grows.
+    """
 
     growing: GrowingModel
     """Model of the slab, cut as far as it has followed."""
@@ -53,7 +56,7 @@ class FreeEpisode(PathEpisode):
 
 
 class FreeOptions(PathOptions):
-    """Options of cutting along a drawn line in a slab whose model is solved as the cut opens."""
+    """Options of cutting along a line in a newly solved slab."""
 
     def episode(self, plant: Any, goal: Goal, *, from_truth: bool | None = None) -> FreeEpisode:
         """Return a new episode along a line."""

@@ -18,9 +18,7 @@ from cutenv._base.validation import in_range, one_of
 from cutenv._engine.jit import warn_before_first_compile
 from cutenv.cutting.drive import DRIVES
 from cutenv.envs.constants import Constants, rig_constants
-from cutenv.envs.described import described
-from cutenv.envs.flat_info import flat_info
-from cutenv.envs.step_limit import LimitedSpec, most_steps
+from cutenv.envs.gymnasium_facts import LimitedSpec, described, flat_info, most_steps
 from cutenv.envs.tissue_source import TissueSource
 from cutenv.plant.simulator import ANGLE_RANGE, SimulatedPlant
 from cutenv.task.beginning import LONGEST, SHORTEST
@@ -28,8 +26,8 @@ from cutenv.task.declare import Task
 from cutenv.task.episode import Episode, Goal, TaskOptions
 from cutenv.task.info import COST, GROUPS, OUT_OF_RANGE
 from cutenv.task.observation import CLIP, within_reach
+from cutenv.task.reward import greatest_action
 from cutenv.task.stepper import step_one
-from cutenv.task.weights import greatest_action
 from cutenv.tissue.sampling import sample_all_profiles
 from cutenv.tissue.specimen import CLASSES, Specimen
 

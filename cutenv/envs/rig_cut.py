@@ -1,9 +1,17 @@
-"""``cutenv/RigCut-v1``: gentle cutting on a rig, real or emulated, through the simulator's spaces."""
+"""Environments on a rig, real or emulated, through the simulator's spaces.
+
+``cutenv/RigCut-v1`` is gentle cutting. ``cutenv/RigDepthCut-v1`` cuts along a wanted depth, on a rig with a height
+axis. ``cutenv/RigPathCut-v1`` cuts along a line, on a rig with an axis to the side.
+"""
 
 from __future__ import annotations
 
 import inspect
 import math
+import reprlib
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -15,32 +23,127 @@ from numpy.typing import NDArray
 from cutenv._base.validation import in_range, one_of
 from cutenv._engine.jit import warn_before_first_compile
 from cutenv.envs.constants import Constants
+from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.envs.gentle_cut import GentleCutEnv, check_rate, checked_episode, checked_length
+from cutenv.envs.gymnasium_facts import LimitedSpec, described, most_steps
+from cutenv.envs.path_cut import PathCutEnv
 from cutenv.envs.rig_source import RigSource
-from cutenv.envs.rig_work import Work, action_text, blade_angle, numbers
-from cutenv.envs.step_limit import LimitedSpec, most_steps
 from cutenv.envs.tissue_source import TissueSource
 from cutenv.plant import Plant, SimulatedPlant
 from cutenv.recording.appending import CutListener
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.contradictions import AHEAD
+from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import Operator
 from cutenv.rig.operation.session import RigSession, SpecimenKey
 from cutenv.rig.operation.suitability import top_speed
 from cutenv.rig.plant import RigPlant
-from cutenv.rig.safety.guard import interrupt
+from cutenv.rig.safety.oversight import interrupt
 from cutenv.rig.safety.stop_causes import Cause, RigStopped
+from cutenv.task.beginning import LONGEST
 from cutenv.task.declare import WAYS, Task
+from cutenv.task.depth import DepthConstants, DepthEpisode, DepthOptions
 from cutenv.task.episode import Episode, Goal, TaskOptions
-from cutenv.task.episode_dtypes import STOPPED
 from cutenv.task.observation import CLIP, within_reach
+from cutenv.task.path import PathEpisode, PathOptions
+from cutenv.task.reward import STOPPED, greatest_action
 from cutenv.task.stepper import assess_readings
-from cutenv.task.weights import greatest_action
 from cutenv.tissue.description import TissueDescription, measured_liver
+from cutenv.tissue.grid import POINTS_PER_METRE
+from cutenv.tissue.layers import Layers
+from cutenv.tissue.lines import CutLine
 from cutenv.tissue.specimen import CLASSES, Specimen
 
 if TYPE_CHECKING:
-    from cutenv.imitated.fake.fake_rig import FakeRig
+    from cutenv.imitated.fake_rig import FakeRig
+
+
+_SAME_ANGLE = math.radians(0.5)
+
+
+class Work:
+    """Reset or step in progress.
+
+    A signal handler that wants to close the rig in its midst has to wait for its end.
+
+    A handler interrupts its thread anywhere, perhaps under a lock that closing needs.
+
+    Parameters
+    ----------
+    leave : callable
+        Closes the rig.
+    """
+
+    def __init__(self, leave: Callable[[], None]) -> None:
+        self._leave = leave
+        self._worker: int | None = None
+        self._leaving = False
+
+    @contextmanager
+    def going_on(self) -> Iterator[None]:
+        """Mark the block as work of this thread, and close the rig at its end if :meth:`postpones` was asked."""
+        self._worker = threading.get_ident()
+        try:
+            yield
+        finally:
+            self._worker = None
+            if self._leaving:
+                self._leaving = False
+                self._leave()
+
+    def postpones(self) -> bool:
+        """Return True if the rig cannot be closed here and now; it is then closed when the work ends."""
+        if self._worker != threading.get_ident():
+            return False
+        self._leaving = True
+        return True
+
+
+def numbers(action: Any, count: int) -> NDArray[np.float64] | None:
+    """Return the ``count`` numbers of an action; None for anything else that a policy may return."""
+    try:
+        command = np.array(action, np.float64)
+    except Exception:  # the conversion of any object may raise anything, and the blade has to be stopped first
+        return None
+    return command if command.shape == (count,) and np.isfinite(command).all() else None
+
+
+def action_text(action: Any) -> str:
+    """Return an action in short, for a message."""
+    try:
+        return reprlib.repr(action)
+    except Exception:  # the object's own method may raise anything
+        return f"a {type(action).__name__}"
+
+
+def blade_angle(settings: RigSettings, mode: str | None, fixed_deg: float | None) -> tuple[str, float | None]:
+    """Return the mode of the blade's angle, "free" or "fixed", and the fixed angle [rad]; None where it is free.
+
+    ``mode`` and ``fixed_deg`` [deg] are what a task asks for; None: as the rig has it.
+
+    Raises
+    ------
+    ValueError
+        If the rig cannot do it, or a value is not valid.
+    """
+    mode = settings.angle_mode if mode is None else one_of("angle_mode", mode, ("free", "fixed"))
+    if mode == "free" and settings.angle_mode == "fixed":
+        raise ValueError(
+            f'angle_mode = "free", but the angle of rig {settings.name!r} is set by hand, at '
+            f"{math.degrees(settings.fixed_angle):.0f} degrees. Use a policy that was trained with "
+            'angle_mode="fixed" at that angle, or a rig with a second axis.'
+        )
+    fixed = settings.fixed_angle
+    if fixed_deg is not None:
+        in_range("fixed_angle_deg", fixed_deg, 45.0, 90.0, "deg", "Measured are 45 to 90 degrees.")
+        fixed = math.radians(fixed_deg)
+        if settings.angle_mode == "fixed" and abs(fixed - settings.fixed_angle) > _SAME_ANGLE:
+            raise ValueError(
+                f"fixed_angle_deg = {fixed_deg:g}, but the blade of rig {settings.name!r} is set to "
+                f"{math.degrees(settings.fixed_angle):.1f} degrees. Turn it, and write that into its file."
+            )
+    return mode, fixed if mode == "fixed" else None
+
 
 RIG_RESET_OPTIONS = ("specimen", "target_length", "episode")
 """Options of a reset; ``specimen`` for emulated and fake rigs only."""
@@ -415,7 +518,9 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return self._source.records
 
     def close(self) -> None:
-        """Stop any motion and close the rig, from any thread; has no effect in a fork.
+        """Stop any motion and close the rig, from any thread.
+
+        Has no effect in a fork.
 
         From a signal handler during a step it stops the blade, and the rig is closed when the step ends. During a reset
         in which nothing moves it raises :class:`KeyboardInterrupt`, and the rig is then closed.
@@ -445,3 +550,166 @@ _ARGUMENTS = [
     for name, argument in inspect.signature(RigCutEnv.__init__).parameters.items()
     if argument.kind is inspect.Parameter.KEYWORD_ONLY
 ]
+
+
+_DEPTH_WEIGHTS = tuple(name for name in DepthConstants.__dataclass_fields__ if name.startswith("weight_"))
+
+
+@described
+class RigDepthCutEnv(RigCutEnv):
+    """Cut along a wanted depth on a rig that a policy of ``cutenv/DepthCut-v1`` can use unchanged.
+
+    It is :class:`~cutenv.envs.rig_cut.RigCutEnv` on a rig with a height axis; a rig's file without the section
+    ``[height]`` is refused.  Action and observation are those of :class:`~cutenv.envs.depth_cut.DepthCutEnv`, and so is
+    the wanted depth of a seed and episode.  Where that one uses hidden state, this one uses estimates: the tip from the
+    measured force, and the floor that the mean tissue would have under this blade.  The layer below is not known, so
+    that ``layer_area`` and ``layer_depth`` are always 0, and no cut ends in it.
+
+    Each ``reset`` raises the blade out of the cut, returns to the clamp, has a specimen laid with the blade at height
+    0, and moves the blade to the depth that is wanted at the start.  If the blade is stopped, it stays where it is:
+    nothing is raised before the operator agrees.  A blade that cannot be raised is a fault that stops.
+
+    Arguments
+    ---------
+    ========= ======= =================================================================================
+    Keyword   Default Meaning
+    ========= ======= =================================================================================
+    wanted    "mixed" "constant", "ramp", "step", "mixed" (one of these) or "profile" (height 0)
+    layer     None    another layer below, of drawn specimens; None: unless ``wanted`` is "profile"
+    ========= ======= =================================================================================
+
+    The others are those of ``cutenv/RigCut-v1``, and
+    {keywords}.
+
+    Info
+    ----
+    That of ``cutenv/RigCut-v1``; ``reward_terms`` has the costs of the depth, and ``depth``, by the expected floor,
+
+    {errors on a rig}
+
+    Version history
+    ---------------
+    v1: the first version; may change until the first comparison of agents is published.
+    """
+
+    options_class = DepthOptions
+    option_names = ("wanted", "layer", *_DEPTH_WEIGHTS, "edge_length", "bedding")
+    simulated = DepthCutEnv
+    as_simulated: ClassVar[dict[str, Any]] = {"surface_spread": 0.0}  # they have the mean liver's surface
+    needs_axis = "height"
+    task_name = "cutenv/RigDepthCut-v1"
+    options: DepthOptions
+    cutting: DepthEpisode
+
+    def _lay(self, key: SpecimenKey) -> None:
+        assert key.target is not None  # a cut has one
+        plant, supply = self.session.plant, self._source.supply
+        if supply is not None and key.specimen is not None:
+            cutting = self._cutting(plant, key.specimen.tissue, key.target, key)
+            self._check_levels(cutting)
+            supply.layers = cutting.layers_below() if self.options.layer else Layers()
+        super()._lay(key)
+        cutting = self._cutting(plant, self.tissue.tissue or measured_liver(), key.target, key)
+        self._check_levels(cutting)
+        self.session.operator.tell(f"The blade goes to a height of {1e3 * cutting.start_level:+.1f} mm, where it cuts.")
+        self.session.start()
+        plant.raise_to(cutting.start_level)
+        plant.supervisor.lock()
+        plant.begin()
+
+    def _check_levels(self, cutting: DepthEpisode) -> None:
+        """Raise RigError if the wanted depth is out of the reach of the height axis."""
+        axis = self.settings.require_height_axis(by=self.task_name)
+        last = int((cutting.target_length + AHEAD) * POINTS_PER_METRE)
+        levels = (cutting.plant.depth - cutting.whole["wanted"][0])[: last + 1]
+        low, high = float(levels.min()), float(levels.max())
+        if low < axis.lowest or high > axis.highest:
+            raise RigError(
+                f"the wanted depth needs heights of {1e3 * low:.1f} to {1e3 * high:.1f} mm, and the rig's are "
+                f"{1e3 * axis.lowest:g} to {1e3 * axis.highest:g} (height.lowest_mm, highest_mm). Take another wanted "
+                "depth or specimen, or an axis that reaches there."
+            )
+
+    def _warm_up(self) -> None:
+        super()._warm_up()
+        practice = SimulatedPlant(Specimen.drawn(0, 0))
+        self._cutting(practice, practice.specimen.tissue, 0.06, SpecimenKey(seed=0, episode=0)).layers_below()
+
+
+_ROOM = 1e-3  # [m] between the line and an end of the rig's travel
+
+
+@described
+class RigPathCutEnv(RigCutEnv):
+    """Cut along a line on a rig that a policy of ``cutenv/PathCut-v1`` can use unchanged.
+
+    It is :class:`~cutenv.envs.rig_cut.RigCutEnv` on a rig with an axis to the side; a rig's file without the section
+    ``[side]`` is refused.  Action and observation are those of :class:`~cutenv.envs.path_cut.PathCutEnv`, and so is the
+    line of a seed and episode.  Where that one uses hidden state, this one uses estimates: the tip from the measured
+    force, and beside the line the cut that mean tissue would have behind this blade.
+
+    The two axes lead the blade: speed and turn become speeds along the slab and to its left, anew with every sample of
+    the axes, and force and lateral force are the sensor's two, turned into the direction in which the blade goes.  **No
+    axis turns the blade about its upright axis.**  The law holds for a blade that points where it goes: mount one that
+    trails by itself behind a pivot, with the pivot above the force sensor, or expect other lateral forces.
+
+    Each ``reset`` leads the blade back through the cut, the way that it came, or raises it first where the rig has a
+    height axis.
+
+    Arguments
+    ---------
+    ========= ======= =================================================================================
+    Keyword   Default Meaning
+    ========= ======= =================================================================================
+    line      "mixed" as for ``cutenv/PathCut-v1``
+    ========= ======= =================================================================================
+
+    The others are those of ``cutenv/RigCut-v1``, and
+    {keywords}.
+
+    Info
+    ----
+    That of ``cutenv/RigCut-v1``; ``reward_terms`` has the costs of the path, and ``path``, of the estimated cut,
+
+    {errors on a rig}
+
+    Version history
+    ---------------
+    v1: the first version; may change until the first comparison of agents is published.
+    """
+
+    options_class = PathOptions
+    option_names = ("line", "line_limit", "weight_off_line", "weight_farthest", "crack_curvature")
+    simulated = PathCutEnv
+    needs_axis = "side"
+    task_name = "cutenv/RigPathCut-v1"
+    options: PathOptions
+    cutting: PathEpisode
+
+    def __init__(self, **keywords: Any) -> None:
+        super().__init__(**keywords)
+        self.options.check_length(LONGEST if self.target_length is None else self.target_length)
+
+    def _lay(self, key: SpecimenKey) -> None:
+        assert key.target is not None  # a cut has one
+        tissue = self.tissue.tissue or measured_liver() if key.specimen is None else key.specimen.tissue
+        self.options.check_length(key.target)
+        line = self._cutting(self.session.plant, tissue, key.target, key).line
+        self._check_reach(line, key.target)
+        if self._source.supply is not None:
+            self._source.supply.line = line
+        super()._lay(key)
+        self.session.plant.begin(line)
+
+    def _check_reach(self, line: CutLine, target: float) -> None:
+        """Raise RigError if a line goes where the rig's axes cannot lead the blade."""
+        axis = self.settings.require_side_axis(by=self.task_name)
+        passed = slice(0, int((target + AHEAD) * POINTS_PER_METRE) + 1)
+        right, left = float(line.y[passed].min()), float(line.y[passed].max())
+        low, high = axis.bounds
+        if right < low + _ROOM or left > high - _ROOM:
+            raise RigError(
+                f"the line goes from {1e3 * right:+.1f} to {1e3 * left:+.1f} mm to the left of the middle, and the "
+                f"blade is stopped at {1e3 * low:g} and {1e3 * high:g} (side.rightmost_mm, leftmost_mm). Take another "
+                "line, or an axis that reaches there."
+            )

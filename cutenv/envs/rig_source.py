@@ -1,4 +1,7 @@
-"""Source of the rig that an environment uses: hardware by its file, its own emulator, or a fake in memory."""
+"""Source of the rig that an environment uses.
+
+Hardware by its file, its own emulator, or a fake in memory.
+"""
 
 from __future__ import annotations
 
@@ -48,14 +51,17 @@ from cutenv.tissue.grid import depth_below
 if TYPE_CHECKING:
     from cutenv.imitated.emulator.control import EmulatorControl
     from cutenv.imitated.emulator.process import RunningEmulator
-    from cutenv.imitated.fake.benches import AirPlant
-    from cutenv.imitated.fake.fake_rig import FakeRig
+    from cutenv.imitated.fake_benches import AirPlant
+    from cutenv.imitated.fake_rig import FakeRig
     from cutenv.tissue.layers import Layers
     from cutenv.tissue.lines import CutLine
 
 
 class FakeSpecimens:
-    """Supply that lays drawn specimens on a fake rig, with the ``layers``, or along the ``line``, set last."""
+    """Supply that lays drawn specimens on a fake rig.
+
+    They have the ``layers``, or lie along the ``line``, set last.
+    """
 
     def __init__(self, rig: FakeRig, constants: Constants) -> None:
         self._rig, self._constants = rig, constants
@@ -64,7 +70,7 @@ class FakeSpecimens:
 
     def mount(self, key: SpecimenKey) -> NDArray[np.float64] | None:
         """Lay a specimen; return None, because the caller has drawn it and knows its depth."""
-        from cutenv.imitated.fake.benches import SpecimenPlant, SteeredBench
+        from cutenv.imitated.fake_benches import SpecimenPlant, SteeredBench
 
         constants, drive = self._constants, self._constants.drive
         if key.specimen is None:
@@ -83,7 +89,10 @@ class FakeSpecimens:
 
 
 class EmulatedSpecimens:
-    """Supply that lays drawn specimens on an emulated rig, with the ``layers``, or along the ``line``, set last."""
+    """Supply that lays drawn specimens on an emulated rig.
+
+    They have the ``layers``, or lie along the ``line``, set last.
+    """
 
     def __init__(self, control: EmulatorControl) -> None:
         self._control = control
@@ -221,7 +230,7 @@ class RigSource:
         elif needs_axis == "side":
             self.settings.require_side_axis(by=by)
         if dry_run:
-            from cutenv.imitated.fake.fake_rig import FakeSensor
+            from cutenv.imitated.fake_rig import FakeSensor
 
             self._rig = FAKE
             self.settings = dataclasses.replace(
@@ -257,7 +266,7 @@ class RigSource:
     def session(self) -> RigSession:
         """Make the session of the rig, which connects at its first cut."""
         if self._rig == FAKE:
-            from cutenv.imitated.fake.fake_rig import FakeRig
+            from cutenv.imitated.fake_rig import FakeRig
 
             self.fake = fake = FakeRig(_at_clamp, self.settings)
             operator = self._operator or AutomaticOperator(self.settings)
@@ -376,6 +385,6 @@ def _forget(readings: StructArray) -> None:
 
 def _at_clamp(settings: RigSettings) -> AirPlant:
     """Return the bench of a fake rig before a specimen is laid."""
-    from cutenv.imitated.fake.benches import AirPlant
+    from cutenv.imitated.fake_benches import AirPlant
 
     return AirPlant(settings, start=0.0)

@@ -1,4 +1,7 @@
-"""A person's hand beside an agent: while it intervenes its action replaces the agent's, and the info says so."""
+"""A person's hand beside an agent.
+
+While it intervenes its action replaces the agent's, and the info says so.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Source of an environment's specimens: the measured liver, another tissue, or one given specimen."""
+"""Source of an environment's specimens.
+
+The measured liver, another tissue, or one given specimen.
+"""
 
 from __future__ import annotations
 

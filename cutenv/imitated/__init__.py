@@ -1,1 +1,4 @@
-"""Imitated rigs, beside the one that moves hardware: the emulator on real wires, the fake in memory, both by name."""
+"""Imitated rigs, beside the one that moves hardware.
+
+The emulator on real wires, the fake in memory, both by name.
+"""

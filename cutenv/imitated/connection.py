@@ -1,4 +1,7 @@
-"""Connection to a rig by its name, guarded and with nothing on its bench: for work in a lab before any cut."""
+"""Connection to a rig by its name, with nothing on its bench.
+
+It is guarded, and is for work in a lab before any cut.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import AutomaticOperator, Operator, TerminalOperator
 from cutenv.rig.operation.preflight import SETTLE
 from cutenv.rig.plant import RigPlant
-from cutenv.rig.safety.guard import guarded
+from cutenv.rig.safety.oversight import guarded
 from cutenv.rig.toml_file import read_rig_file
 from cutenv.rig_drivers.slow_profile import grbl_settings, slow_settings
 
@@ -37,7 +40,9 @@ class Connection(NamedTuple):
 
 @contextmanager
 def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connection]:
-    """Connect to a rig, with every stop installed; it is closed at the end of the block.
+    """Connect to a rig, with every stop installed.
+
+    It is closed at the end of the block.
 
     Parameters
     ----------
@@ -56,8 +61,8 @@ def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connectio
     emulator = None
     with ExitStack() as stack:
         if rig == FAKE:
-            from cutenv.imitated.fake.benches import AirPlant
-            from cutenv.imitated.fake.fake_rig import FakeRig
+            from cutenv.imitated.fake_benches import AirPlant
+            from cutenv.imitated.fake_rig import FakeRig
 
             fake = FakeRig(AirPlant, fake_settings(name=FAKE), clock=clock)
             settings, plant = fake.settings, fake.plant
@@ -86,7 +91,9 @@ def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connectio
 
 
 def operator_of(settings: RigSettings) -> Operator:
-    """Return the operator of a rig: a person at the terminal; for an emulated or fake rig an automatic one.
+    """Return the operator of a rig: a person at the terminal.
+
+    An emulated or fake rig has an automatic one.
 
     Raises
     ------

@@ -1,10 +1,13 @@
-"""Tissue of an imitated rig along a line: the law in the plane under a blade that two axes lead."""
+"""Tissue of an imitated rig along a line.
+
+The law in the plane under a blade that two axes lead.
+"""
 
 from __future__ import annotations
 
 import math
 
-from cutenv.cutting.parameters import LawParameters
+from cutenv.cutting.dtypes import LawParameters
 from cutenv.plant import SteeredPlant
 from cutenv.plant.simulator import ANGLE_RANGE
 from cutenv.tissue.grid import LENGTH, SPACING
@@ -16,7 +19,9 @@ _TRAIL = 0.002  # [m] for each radian by which the blade turns, at least
 
 
 class TissueInPlane:
-    """Specimen along a line, cut by a blade that points where it is moved, as one behind a pivot does.
+    """Specimen along a line, cut by a blade behind a pivot.
+
+    The blade points where it is moved.
 
     It turns by a radian in 2 mm of way at most (assumed), so that at rest the steps of encoders do not turn it.
 

@@ -1,4 +1,6 @@
-"""Training and evaluation of agents; needs the extra ``rl``: ``pip install 'cutenv[rl]'``.
+"""Training and evaluation of agents.
+
+Needs the extra ``rl``: ``pip install 'cutenv[rl]'``.
 
 A module is imported when it is used, since some load torch:
 

@@ -1,4 +1,7 @@
-"""Actors that see the features, one with a memory (LSTM), and critics that see the hidden state too, in torch."""
+"""Actors that see features, critics that see hidden state, in torch.
+
+One of the actors has a memory (LSTM).
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,10 @@ from torch import nn
 
 
 class Extractor(nn.Module):
-    """Two towers of tanh layers, one for the actor and one for the critic, each with inputs of its own."""
+    """Two towers of tanh layers, for actor and critic.
+
+    Each has inputs of its own.
+    """
 
     def __init__(self, features: int, critic: int, hidden: int) -> None:
         super().__init__()
@@ -98,7 +104,9 @@ class FirstNumbers(BaseFeaturesExtractor):
 
 
 class _Asymmetric:
-    """Base of the three policies: what actor and critics see, and the actor's parameters.
+    """Base of the three policies.
+
+    It holds what actor and critics see, and the actor's parameters.
 
     The actor sees the first ``features`` numbers, the critics the first ``critic``; the actor draws its actions with
     the standard deviation ``exploration`` until it has learned another.

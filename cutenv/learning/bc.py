@@ -1,4 +1,6 @@
-"""Behaviour cloning: imitate a script, or the cuts of a Minari data set, without any trial.
+"""Behaviour cloning.
+
+Imitate a script, or the cuts of a Minari data set, without any trial.
 
 The clone sees the same features as the agent of PPO, and is a network of the same size; PPO starts from such a clone,
 trained more briefly.  It can be better than its teacher only by chance: the difference between the two agents is the
@@ -20,9 +22,8 @@ import torch
 from tqdm import tqdm
 
 from cutenv._base.output import atomic_write
-from cutenv.learning.arguments import BadArguments
+from cutenv.learning.arguments import BadArguments, BCArguments
 from cutenv.learning.cloning import Cloning, DecisionDataset, script_demonstrations
-from cutenv.learning.imitation_arguments import BCArguments
 from cutenv.learning.minari_datasets import cloning_data, opened
 from cutenv.learning.progress import validate
 from cutenv.learning.run_folder import RunRequest, end_interrupted, export, record_run, write_facts
@@ -176,7 +177,9 @@ def train(request: RunRequest[BCArguments], facts: dict[str, Any]) -> None:
 
 
 def fit(clone: Fitted, cloning: Fitting, request: RunRequest[Any], facts: dict[str, Any], begun: float) -> None:
-    """Fit epoch by epoch, from a checkpoint if resumed; export the epoch that does best on validation specimens.
+    """Fit epoch by epoch, from a checkpoint if resumed.
+
+    Export the epoch that does best on validation specimens.
 
     ``begun`` is the time at which the work began (``time.monotonic``); for the rest see :func:`train`.
     """

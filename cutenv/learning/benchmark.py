@@ -1,4 +1,6 @@
-"""Published benchmark: specimens and statistics by which policies are compared, a policy's standing, its submission.
+"""Published benchmark.
+
+Specimens and statistics by which policies are compared, a policy's standing, its submission.
 
 An entry cuts specimens of its own: their seeds are drawn from the digest of the entry's files, so that no file can hold
 the answers to them, and anybody can draw them again.
@@ -113,7 +115,10 @@ STATISTICS: dict[str, Callable[[np.ndarray], np.ndarray]] = {IQM: interquartile_
 
 @dataclass(frozen=True)
 class TableColumn:
-    """One column of the table: score, heading, factor and digits, statistic, and whether it is a paired difference."""
+    """One column of the table.
+
+    Score, heading, factor and digits, statistic, and whether it is a paired difference.
+    """
 
     score: str
     heading: str
@@ -360,7 +365,9 @@ _ALIKE = 1e-3
 
 
 class _Repeated(ArrayPolicy):
-    """Actions as recorded, the last one of a cut for ever; beside them a policy that should have taken them, if any.
+    """Actions as recorded, the last one of a cut for ever.
+
+    Beside them a policy that should have taken them, if any.
 
     ``apart`` is the first cut in which it would have acted otherwise, with the decision.
     """
@@ -430,7 +437,9 @@ def submitted_run(
 def replayed(
     entry: Submission, policies: Sequence[Contestant] = (), finished: Finished = lambda count: None
 ) -> list[list[dict[str, Any]]]:
-    """Repeat every cut from its seed and actions; return the scores, by run.
+    """Repeat every cut from its seed and actions.
+
+    Return the scores, by run.
 
     Parameters
     ----------

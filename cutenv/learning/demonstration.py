@@ -1,4 +1,6 @@
-"""Demonstration: a cut, decision by decision, of a policy in the simulator or a person as recorded; infos of tasks.
+"""Demonstrations: cuts decision by decision, and infos of tasks.
+
+A demonstration is by a policy in the simulator, or by a person as recorded.
 
 A person commands no speed.  The action is then the motion of the blade until the next decision: its mean speed and its
 angle at the end, which a rig that holds position can be commanded.  The reward is the one computed on a rig, from

@@ -1,4 +1,7 @@
-"""Groups of environments that differ in their keyword arguments: on rigs drawn at random, or easier than the task."""
+"""Groups of environments that differ in their keyword arguments.
+
+They are on rigs drawn at random, or easier than the task.
+"""
 
 from __future__ import annotations
 
@@ -145,7 +148,9 @@ IMPATIENCE = 1.0
 
 
 class EasierEnvironments(EnvironmentGroups):
-    """Environments that begin easier than the task and become it: a curriculum for an actor that has learned nothing.
+    """Environments that begin easier than the task and become it.
+
+    A curriculum for an actor that has learned nothing.
 
     Half of the cuts begin nearer to the target, at :data:`NEARER`, to the end.  Costs count a tenth at first, so that
     trying is not charged more than it gains; and time counts more, so that it does not pay to stand still and wait: an

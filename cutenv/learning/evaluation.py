@@ -1,4 +1,7 @@
-"""Evaluation of policies on the same specimens, rolled out in one compiled batch: every score of every cut."""
+"""Evaluation of policies on the same specimens.
+
+They are rolled out in one compiled batch: every score of every cut.
+"""
 
 from __future__ import annotations
 
@@ -21,8 +24,8 @@ from cutenv._base.arrays import StructArray
 from cutenv._base.output import progress_bar
 from cutenv.cutting.dtypes import READING, TICK
 from cutenv.envs import set_cores
-from cutenv.envs.batch import CutBatch
 from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.envs.vector import CutBatch
 from cutenv.plant.protocol import recorded_trace
 from cutenv.policy import BASELINES, SHIPPED, ArrayPolicy, Policy, PrivilegedPolicy, named_policy
 from cutenv.policy.interface import as_array_policy
@@ -222,7 +225,10 @@ _FEWEST = 2000  # cuts, below which starting processes takes longer than they sa
 
 @dataclass(frozen=True)
 class Contestant:
-    """A policy and the keyword arguments of the environment that it needs, such as its decision rate."""
+    """A policy and the environment's keywords that it needs.
+
+    One is its decision rate.
+    """
 
     policy: Policy
     arguments: Mapping[str, Any] = field(default_factory=dict)

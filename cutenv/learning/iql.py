@@ -1,4 +1,6 @@
-"""Implicit Q-learning: learn from the cuts of scripts, or of a Minari data set, to do better than they do on average.
+"""Implicit Q-learning.
+
+Learn from the cuts of scripts, or of a Minari data set, to do better than they do on average.
 
 Kostrikov, Nair and Levine, "Offline reinforcement learning with implicit Q-learning", ICLR 2022 (arXiv:2110.06169).
 The value of a state is an expectile of the values of the actions that the data contain, so that no action is ever
@@ -17,9 +19,8 @@ import numpy as np
 import torch
 
 from cutenv.learning import bc
-from cutenv.learning.arguments import BadArguments
+from cutenv.learning.arguments import BadArguments, IQLArguments
 from cutenv.learning.cloning import Transitions, demonstrations
-from cutenv.learning.imitation_arguments import IQLArguments
 from cutenv.learning.minari_datasets import cloning_data, opened
 from cutenv.learning.run_folder import RunRequest
 from cutenv.policy import BASELINES, Network
@@ -41,7 +42,10 @@ def _layers(inputs: int, hidden: int) -> torch.nn.Sequential:
 
 
 class Agent:
-    """Actor, value of states, and two critics with their targets; ``inputs`` is the size of the data's observations."""
+    """Actor, value of states, and two critics with their targets.
+
+    ``inputs`` is the size of the data's observations.
+    """
 
     def __init__(self, arguments: IQLArguments, inputs: int) -> None:
         self.actor = bc.Clone(arguments)
@@ -64,7 +68,10 @@ class Agent:
 
 
 class ImplicitQLearning:
-    """Fit of an agent to transitions, epoch by epoch; the order depends only on the seed and the epoch's number."""
+    """Fit of an agent to transitions, epoch by epoch.
+
+    The order depends only on the seed and the epoch's number.
+    """
 
     def __init__(self, agent: Agent, data: Transitions, arguments: IQLArguments) -> None:
         self._agent, self._arguments = agent, arguments

@@ -1,4 +1,6 @@
-"""Minari data sets of cuts, with the force in newtons: by a script, a trained agent or a person.
+"""Minari data sets of cuts, with the force in newtons.
+
+The cuts are by a script, a trained agent or a person.
 
 ``minari.load_dataset(id)`` reads a data set, and ``recover_environment()`` makes its environment; reset there with an
 episode's seed, a simulated cut's actions give the recorded rewards again.  :func:`cloning_data` turns a data set into
@@ -126,7 +128,9 @@ def recorded_cuts(
 def write(
     dataset_id: str, source: str, keywords: dict[str, Any], demonstrations: Sequence[Demonstration]
 ) -> MinariDataset:
-    """Write cuts as a data set; units and meanings go into its metadata, below "cutenv".
+    """Write cuts as a data set.
+
+    Units and meanings go into its metadata, below "cutenv".
 
     Parameters
     ----------

@@ -1,4 +1,6 @@
-"""SAC, TQC and CrossQ: learners that keep every decision, those of a script among them, and learn from all again.
+"""SAC, TQC and CrossQ.
+
+Learners that keep every decision, those of a script among them, and learn from all again.
 
 The replay buffer begins with a script's demonstrations, with their noise, and keeps them: decisions of the agent are
 added to them.  The actor begins as a clone of the script.  Its critics, which see the hidden state as well, learn alone
@@ -80,7 +82,9 @@ def remember(model: Any, shown: Demonstrations) -> None:
 
 
 def network(arrays: Mapping[str, np.ndarray], activation: str) -> Network:
-    """Return the actor in NumPy; a normalisation before a layer becomes part of that layer.
+    """Return the actor in NumPy.
+
+    A normalisation before a layer becomes part of that layer.
 
     Parameters
     ----------

@@ -1,4 +1,7 @@
-"""A run of a learner of Stable-Baselines3: train, resume after an interruption, export, compare, report."""
+"""A run of a learner of Stable-Baselines3.
+
+Train, resume after an interruption, export, compare, report.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +28,10 @@ from cutenv.sb3 import FeatureVecEnv
 
 
 class FallingRate:
-    """A learning rate that falls linearly to a twentieth; :class:`Progress` sets the share of training that is done."""
+    """A learning rate that falls linearly to a twentieth.
+
+    :class:`Progress` sets the share of training that is done.
+    """
 
     def __init__(self, rate: float) -> None:
         self.rate, self.share = rate, 0.0

@@ -1,4 +1,7 @@
-"""Dataclasses as command lines: a field is an option, its default the option's default, its meaning the help."""
+"""Dataclasses as command lines.
+
+A field is an option, its default the option's default, its meaning the help.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Callback of a training: progress bar, learning curve, checkpoints, running average of the actor, validation.
+"""Callback of a training.
+
+Progress bar, learning curve, checkpoints, running average of the actor, validation.
 
 The learning curve counts the decisions of trial, and all cuts begun: those of demonstrations are consumed too.
 """
@@ -72,7 +74,9 @@ class CheckpointExtras:
 
 
 class Progress(BaseCallback):
-    """Callback that shows progress, writes the learning curve and checkpoints, and keeps the best by validation.
+    """Callback for progress, learning curve, checkpoints and validation.
+
+    It keeps the best by validation.
 
     Parameters
     ----------

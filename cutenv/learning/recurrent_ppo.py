@@ -1,4 +1,6 @@
-"""Recurrent PPO: like PPO, but the actor has a memory (one layer of LSTM) instead of a history of decisions.
+"""Recurrent PPO.
+
+Like PPO, but the actor has a memory (one layer of LSTM) instead of a history of decisions.
 
 Its gradients go through whole cuts, so that an update costs four times as much and fewer are made.  Only the critic
 learns for a larger share of the training.

@@ -17,7 +17,9 @@ _INFO = ("is_success", "_is_success")  # the rest would be copied between proces
 
 
 class RunnerEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
-    """Vector environment of ``num_envs`` cuts, each with its own seed, that start again at the step after their end.
+    """Vector environment of ``num_envs`` cuts for Ray's runners.
+
+    Each has its own seed, and starts again at the step after its end.
 
     Parameters
     ----------

@@ -1,4 +1,7 @@
-"""Run of a training: its command line, and its folder: run.json, checkpoints, and the actor, which needs no torch."""
+"""Run of a training.
+
+Its command line, and its folder: run.json, checkpoints, and the actor, which needs no torch.
+"""
 
 from __future__ import annotations
 

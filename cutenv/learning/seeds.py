@@ -1,4 +1,7 @@
-"""Environment that agents are trained in, and seeds of its specimens for training, validation and test."""
+"""Environment that agents are trained in, and its seeds.
+
+The seeds are of specimens for training, validation and test.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Training of several tasks side by side: each in a process of its own, one line of progress for all."""
+"""Training of several tasks side by side.
+
+Each in a process of its own, one line of progress for all.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,9 @@ _LOOK = 0.5  # seconds between looks at the processes
 
 
 class Training:
-    """One training in a process of its own; what it prints is kept until it ends.
+    """One training in a process of its own.
+
+    What it prints is kept until it ends.
 
     Parameters
     ----------

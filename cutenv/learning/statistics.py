@@ -1,4 +1,6 @@
-"""Statistics of scores: means with 95 % intervals, paired differences of policies, interquartile means, and tables.
+"""Statistics of scores.
+
+Means with 95 % intervals, paired differences of policies, interquartile means, and tables.
 
 Differences are on the same specimens.  Tables are CSV files, and text on the terminal.  Interquartile means with
 stratified bootstrap intervals are after Agarwal et al. 2021 (their library: rliable).

@@ -1,4 +1,7 @@
-"""Reports of training runs on any task: agent, scripts and planner on held-out specimens, as tables, picture, page."""
+"""Reports of training runs on any task.
+
+Agent, scripts and planner on held-out specimens, as tables, picture, page.
+"""
 
 from __future__ import annotations
 
@@ -92,7 +95,9 @@ _MORE_SPECIMENS = 5  # times as many specimens for agent and scripts, so that ch
 
 
 def compare_task(run: Path, facts: Mapping[str, Any], *, processes: int | None = None) -> None:
-    """Evaluate the agent of a run, every script and the planner; write and print scores and paired differences.
+    """Evaluate the agent of a run, every script and the planner.
+
+    Write and print scores and paired differences.
 
     Parameters
     ----------
@@ -224,7 +229,9 @@ _MORE = 20  # times as many specimens for agent and best scripts, so that chance
 def compare(
     run: Path, facts: Mapping[str, Any], *, processes: int | None = None, baselines_of: Path | None = None
 ) -> None:
-    """Evaluate the agent of a run and all baselines; write and print the scores, draw a cut, write the page.
+    """Evaluate the agent of a run and all baselines.
+
+    Write and print the scores, draw a cut, write the page.
 
     The report of a run on another task is that of :func:`~cutenv.learning.training_report.compare_task`.
 

@@ -5,15 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from cutenv._base.imports import import_when_used
-from cutenv.plant.interface import Plant
-from cutenv.plant.protocol import Leg, forward_backward, run, to_trace
+from cutenv.plant.protocol import Leg, Plant, forward_backward, run, to_trace
 from cutenv.plant.replay import ReplayPlant
 from cutenv.plant.simulator import SimulatedPlant
 
 if TYPE_CHECKING:
-    from cutenv.plant.descending_plant import DescendingPlant
     from cutenv.plant.freehand_plant import FreehandPlant
-    from cutenv.plant.steered_plant import SteeredPlant
+    from cutenv.plant.third_axis_plants import DescendingPlant, SteeredPlant
 
 __all__ = [
     "DescendingPlant",
@@ -32,8 +30,8 @@ __all__ = [
 __getattr__ = import_when_used(
     __name__,
     {
-        "DescendingPlant": "cutenv.plant.descending_plant",
+        "DescendingPlant": "cutenv.plant.third_axis_plants",
         "FreehandPlant": "cutenv.plant.freehand_plant",
-        "SteeredPlant": "cutenv.plant.steered_plant",
+        "SteeredPlant": "cutenv.plant.third_axis_plants",
     },
 )

@@ -1,4 +1,7 @@
-"""A simulated slab that is cut where the blade is led: its model is solved again as the cut opens."""
+"""A simulated slab that is cut where the blade is led.
+
+Its model is solved again as the cut opens.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ import numpy as np
 from cutenv._base.arrays import Array, Struct, StructArray, joined_records
 from cutenv._base.validation import in_range
 from cutenv.cutting.steering import begin_steering
-from cutenv.plant.steered_plant import SteeredPlant
+from cutenv.plant.third_axis_plants import SteeredPlant
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
 from cutenv.tissue.lines import SIDE_MARGIN, WIDTH, CutLine, straight
@@ -27,7 +30,10 @@ _CHUNK = 10  # milliseconds after which the tip is followed: the crack turns no 
 
 
 class Grown(NamedTuple):
-    """Growth of a model: stiffness over that of a straight cut at points of the line, and why it ended, if it did."""
+    """Growth of a model.
+
+    Stiffness over that of a straight cut at points of the line, and why it ended, if it did.
+    """
 
     ways: Array
     ratios: Array
@@ -35,7 +41,9 @@ class Grown(NamedTuple):
 
 
 class GrowingModel:
-    """Finite-element model of a slab whose crack follows that of a cut, and the stiffness that it tells along a line.
+    """Finite-element model whose crack follows that of a cut.
+
+    It tells the stiffness along a line.
 
     Parameters
     ----------
@@ -153,7 +161,9 @@ class GrowingModel:
 
 
 class FreehandPlant(SteeredPlant):
-    """A simulated slab, cut by a blade that is led anywhere; the finite-element model follows the crack.
+    """A simulated slab, cut by a blade that is led anywhere.
+
+    The finite-element model follows the crack.
 
     The blade is driven where it points and turned to the left and right, as with
     :class:`~cutenv.plant.SteeredPlant`.  Whenever the crack passes a node, its 2 x 2 stiffness is computed for the cut

@@ -1,17 +1,45 @@
-"""Scripted motions of the blade, and their records: constant feed, and the thesis's forward-backward travel."""
+"""Plants as a task sees them, scripted motions, and their records.
+
+A plant is the simulator, a replay or a rig. The motions of the blade are constant feed, and the thesis's
+forward-backward travel.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array, StructArray, joined_records
 from cutenv._base.validation import in_range
 from cutenv.cutting.dtypes import TICK
-from cutenv.plant.interface import Plant
 from cutenv.plant.simulator import check_angle
 from cutenv.tissue.grid import depth_below
 from cutenv.trace import Trace
+
+
+class Plant(Protocol):
+    """A blade in tissue, driven by commands and measured by a force sensor at 1 kHz."""
+
+    @property
+    def depth(self) -> NDArray[np.float64]:
+        """Depth of cut as measured beforehand, one value every 0.5 mm from the clamp, shape (301,) [m]."""
+        ...
+
+    def advance(self, speed: float, angle: float, ticks: int) -> StructArray:
+        """Command ``speed`` [m/s] and ``angle`` [rad] for ``ticks`` milliseconds and return the readings.
+
+        Returns
+        -------
+        Records
+            Readings (:data:`cutenv.cutting.dtypes.READING`), shape (ticks,), valid until the next call.  Of the fields
+            ``true_force``, ``elastic_force``, ``tip`` and ``jump``, those that a plant cannot know are NaN.
+        """
+        ...
+
 
 _PATIENCE = 2.0  # multiple of a leg's ideal duration after which a blade that does not arrive is an error
 _APPROACH = 0.15  # time of travel [s] at the present speed before the end at which a leg begins to slow down
@@ -19,7 +47,10 @@ _APPROACH = 0.15  # time of travel [s] at the present speed before the end at wh
 
 @dataclass(frozen=True, kw_only=True)
 class Leg:
-    """One leg of a motion: to ``position`` [m] at ``speed`` [m/s] and ``angle`` [rad], then rest for ``dwell`` [s]."""
+    """One leg of a motion.
+
+    It goes to ``position`` [m] at ``speed`` [m/s] and ``angle`` [rad], then rests for ``dwell`` [s].
+    """
 
     position: float
     speed: float
@@ -41,7 +72,9 @@ def forward_backward(
 
 
 def run(plant: Plant, legs: list[Leg]) -> StructArray:
-    """Drive ``plant`` through ``legs`` from its present position; return every reading at 1 kHz, the first at rest.
+    """Drive ``plant`` through ``legs`` from its present position.
+
+    Return every reading at 1 kHz, the first at rest.
 
     Returns
     -------

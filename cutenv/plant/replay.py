@@ -1,4 +1,7 @@
-"""A recorded cut as a plant: it returns the recorded readings, whatever is commanded."""
+"""A recorded cut as a plant.
+
+It returns the recorded readings, whatever is commanded.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The simulated plant: a specimen under the cutting law, a drive and a force sensor."""
+"""The simulated plant.
+
+A specimen under the cutting law, a drive and a force sensor.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from cutenv._base.arrays import Array, StructArray
 from cutenv._base.validation import array_in_range, in_range
 from cutenv.cutting.drive import Drive, Rig
-from cutenv.cutting.dtypes import READING, TICK, new_state
+from cutenv.cutting.dtypes import READING, TICK, LawParameters, law_records, new_state, profile_records
 from cutenv.cutting.motion import STRAIGHT, Motion
-from cutenv.cutting.parameters import LawParameters, law_records, profile_records
 from cutenv.cutting.sensor import SensorParameters, sensor_records
 from cutenv.cutting.simulate import Physics, account_one, follow, hold
 from cutenv.tissue.specimen import LENGTH, N_POINTS, SPACING, Specimen

@@ -1,4 +1,6 @@
-"""Cuts by a person: mouse, gamepad or haptic device lead the hand; law, task and score are those of an agent.
+"""Cuts by a person.
+
+Mouse, gamepad or haptic device lead the hand; law, task and score are those of an agent.
 
 The window needs pygame-ce and pymunk, which the extra ``cutenv[play]`` installs; a cut without a window needs neither.
 """

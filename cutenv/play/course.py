@@ -30,7 +30,10 @@ FEEDBACK = {rule: course_words("en", rule) for rule in ("always", "above-limit",
 
 
 class ShownFeedback(NamedTuple):
-    """Parts of the feedback at one moment: the present force, its trace, and after the cut the result."""
+    """Parts of the feedback at one moment.
+
+    The present force, its trace, and after the cut the result.
+    """
 
     force: bool = True
     trace: bool = True
@@ -65,7 +68,10 @@ _MOST_SEED = 2**31 - 1
 
 @dataclass(frozen=True, kw_only=True)
 class MarkedMetric:
-    """Metric that a mark may limit: its name, the unit of the limit, and whether more is better."""
+    """Metric that a mark may limit.
+
+    Its name, the unit of the limit, and whether more is better.
+    """
 
     name: str
     unit: Unit

@@ -1,4 +1,7 @@
-"""Progress of one person through a course: counted from the cuts that were made, and never kept beside them."""
+"""Progress of one person through a course.
+
+Counted from the cuts that were made, and never kept beside them.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,10 @@ GIVEN_UP = "given up"
 
 
 class CourseSpecimen(NamedTuple):
-    """Specimen of the next cut: class, seed, and target length [m], None if it is drawn."""
+    """Specimen of the next cut.
+
+    Class, seed, and target length [m], None if it is drawn.
+    """
 
     specimen_class: str
     seed: int
@@ -29,7 +35,9 @@ class CourseSpecimen(NamedTuple):
 
 
 class CourseProgress:
-    """Progress of one person through a course: which task is next, and whether marks were reached.
+    """Progress of one person through a course.
+
+    It says which task is next, and whether marks were reached.
 
     Parameters
     ----------
@@ -103,7 +111,9 @@ class CourseProgress:
         return task is not None and task.opens is not None and self._clock() < task.opens
 
     def specimen(self) -> CourseSpecimen:
-        """Return the specimen of the next cut; a task without seeds draws one at every call.
+        """Return the specimen of the next cut.
+
+        A task without seeds draws one at every call.
 
         Raises
         ------

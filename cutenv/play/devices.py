@@ -66,7 +66,9 @@ def _pressed(held: bool) -> frozenset[str]:
 
 
 class LedHand:
-    """Hand that a pointer or a stick leads from the clamp on; nothing pushes it, so a force is only seen.
+    """Hand that a pointer or a stick leads from the clamp.
+
+    Nothing pushes it, so a force is only seen.
 
     Attributes
     ----------
@@ -120,7 +122,10 @@ class LedHand:
 
 
 class MouseDevice(LedHand):
-    """Mouse, pen or finger that leads the hand from wherever it was at the start; the wheel tilts or lowers."""
+    """Mouse, pen or finger that leads the hand.
+
+    It leads from wherever it was at the start; the wheel tilts or lowers.
+    """
 
     def open(self) -> None:
         """Begin a cut at the clamp, upright, at the level where the blade stands."""
@@ -143,7 +148,9 @@ class MouseDevice(LedHand):
 
 
 class GamepadDevice(LedHand):
-    """Gamepad whose stick moves the hand, faster the farther it is pushed, and whose trigger leans the blade.
+    """Gamepad whose stick moves the hand and trigger leans the blade.
+
+    The hand is faster the farther the stick is pushed.
 
     A stick springs back and has 2 cm of travel: a position on it would be too coarse for a tolerance of 3 mm, so it
     sets a speed, up to the fastest measured.  A second stick lowers and raises the blade in the same way, as fast as an
@@ -182,7 +189,10 @@ class GamepadDevice(LedHand):
 
 
 class HandMotion(NamedTuple):
-    """Motion that a script demands: hand [m], angle [rad] and level [m] of the blade, place across [m], button held."""
+    """Motion that a script demands.
+
+    Hand [m], angle [rad] and level [m] of the blade, place across [m], button held.
+    """
 
     position: float
     angle: float
@@ -192,7 +202,9 @@ class HandMotion(NamedTuple):
 
 
 class ScriptedDevice:
-    """Hand that follows a script, for tests and demonstrations: every read is a millisecond later.
+    """Hand that follows a script, for tests and demonstrations.
+
+    Every read is a millisecond later.
 
     Parameters
     ----------

@@ -1,4 +1,7 @@
-"""Advice in words on what is still missing to finish a cut; from what a rig measures, too."""
+"""Advice on what is still missing to finish a cut.
+
+It is in words, and also from what a rig measures.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Hand of a person who plays: its wanted position becomes the speed command of the simulator's hand."""
+"""Hand of a person who plays.
+
+Its wanted position becomes the speed command of the simulator's hand.
+"""
 
 from __future__ import annotations
 

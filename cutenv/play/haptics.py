@@ -1,4 +1,6 @@
-"""Haptic devices: position in, force out, and a coupling that cannot return more energy than it received.
+"""Haptic devices.
+
+Position in, force out, and a coupling that cannot return more energy than it received.
 
 A driver implements the five parts of :class:`HapticDevice` and may be in your own code: pass it to ``Session(device)``
 and ``PlayWindow(session)``. Haply's Inverse3 is in :mod:`cutenv.play.inverse3`. None of these devices was available for
@@ -93,7 +95,9 @@ class HapticDevice(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class VirtualCoupling:
-    """Spring and damper between a device and the blade, limited in stiffness by the device's own damping.
+    """Spring and damper between a device and the blade.
+
+    Their stiffness is limited by the device's own damping.
 
     A force that is held for a period T generates energy: a spring K that is displaced by d during T returns K d^2/2
     more than it received. The device's friction b dissipates at least b d^2/T in that time. Hence
@@ -189,7 +193,9 @@ class VirtualCoupling:
 
 
 class HandEnergy:
-    """Account of the energy that a device has received from a person and not returned; it limits the next force.
+    """Account of the energy that a device received from a person.
+
+    What it has not returned limits the next force.
 
     A force F that is held for a time T at most returns no more than the account E covers, in any hand:
 
@@ -222,7 +228,9 @@ class HandEnergy:
 
 
 class FeltForce:
-    """Force of a virtual coupling between device and blade, limited by an energy account that keeps it passive.
+    """Force of a virtual coupling between device and blade.
+
+    It is limited by an energy account that keeps it passive.
 
     The bound holds for a blade at rest. One that the simulation moves could still put energy into the hand; therefore
     an :class:`HandEnergy` is kept, and the force is limited to what it covers, in all cases.

@@ -17,7 +17,9 @@ _SOON = 2.0  # decisions in which the blade is brought to where the hand is
 
 
 class InterveningHand:
-    """Person's action while the first button is held; call it once a decision.
+    """Person's action while the first button is held.
+
+    Call it once a decision.
 
     When the button goes down, the hand is where the blade is, wherever the device stands: the person moves it from
     there. Speed and angle follow the hand. One that gets ahead of the blade by more than :data:`LEASH`, because the

@@ -1,4 +1,6 @@
-"""Haply Inverse3 by the WebSocket of its service: JSON, one answer for each message.
+"""Haply Inverse3 by the WebSocket of its service.
+
+JSON, one answer for each message.
 
 Protocol: Haply's public documentation of the Inverse Service, simulation channel, versions 3.0 to 3.5. On connection
 the service sends an inventory. From then on it answers every message with the state of all devices; a command holds

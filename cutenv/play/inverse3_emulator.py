@@ -1,4 +1,6 @@
-"""Emulated Inverse3 with its service: a handle with mass and damping, in a hand that follows a script.
+"""Emulated Inverse3 with its service.
+
+A handle with mass and damping, in a hand that follows a script.
 
     python -m cutenv.play.inverse3_emulator --port 10001
 

@@ -15,7 +15,9 @@ _LOST = 0.1  # [s] by which a cut's time may lag behind the clock before the dif
 
 
 class ListenedSession:
-    """Follower of a session: call it after every advance, with what is new passed on to a listener.
+    """Follower of a session.
+
+    Call it after every advance, with what is new passed on to a listener.
 
     Parameters
     ----------

@@ -1,4 +1,7 @@
-"""Devices of the command line by name, and the emulated one in a process of its own."""
+"""Devices of the command line by name.
+
+The emulated one is in a process of its own.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,9 @@ _ENDS_WITHIN = 5.0  # [s]
 def named_device(
     name: str, *, target: float, url: str = INVERSE3_URL, axes: HandleAxes | None = None, shares: bool = False
 ) -> Iterator[HapticDevice]:
-    """Make a device for the time of the block; an emulated one ends with it.
+    """Make a device for the time of the block.
+
+    An emulated one ends with it.
 
     Parameters
     ----------

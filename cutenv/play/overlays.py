@@ -1,4 +1,7 @@
-"""Cards over the picture: instructions, countdown, and the end card with score and faults in plain words."""
+"""Cards over the picture.
+
+Instructions, countdown, and the end card with score and faults in plain words.
+"""
 
 from __future__ import annotations
 

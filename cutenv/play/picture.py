@@ -1,4 +1,7 @@
-"""Picture of a cut by a person: tissue from above, handle from the side, force as colour, bar and trace."""
+"""Picture of a cut by a person.
+
+Tissue from above, handle from the side, force as colour, bar and trace.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Session of cuts by one person, without a window: specimens, countdown, 1 kHz by a given clock, record and score."""
+"""Session of cuts by one person, without a window.
+
+Specimens, countdown, 1 kHz by a given clock, record and score.
+"""
 
 from __future__ import annotations
 
@@ -49,7 +52,9 @@ def _has_line(task: str) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class SessionPlan:
-    """Cuts of a session: task, specimens and number; a course gives specimens, tasks and targets in its place.
+    """Cuts of a session.
+
+    Task, specimens and number; a course gives specimens, tasks and targets in its place.
 
     Attributes
     ----------
@@ -227,7 +232,9 @@ class Session:
             self._prepare()
 
     def show_hidden(self, practice: bool | None = None) -> None:
-        """Switch practice on or off, by default to the other; a cut in which it was ever on is marked.
+        """Switch practice on or off, by default to the other.
+
+        A cut in which it was ever on is marked.
 
         A course has none.
         """
@@ -256,7 +263,9 @@ class Session:
     # Time
 
     def advance(self, clock: float) -> int:
-        """Advance to the time of a clock, millisecond by millisecond; return their number.
+        """Advance to the time of a clock, millisecond by millisecond.
+
+        Return their number.
 
         Parameters
         ----------

@@ -1,4 +1,7 @@
-"""Window in which a person cuts: keys, pointers and gamepad in, pictures out, physics by the clock in between."""
+"""Window in which a person cuts.
+
+Keys, pointers and gamepad in, pictures out, physics by the clock in between.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Cut by a person: the environment's own task at 1 kHz, with every reading kept, scored as any other cut."""
+"""Cut by a person.
+
+The environment's own task at 1 kHz, with every reading kept, scored as any other cut.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Cut by a person along a wanted depth: an episode of ``cutenv/DepthCut-v1`` at 1 kHz."""
+"""Cut by a person along a wanted depth.
+
+An episode of ``cutenv/DepthCut-v1`` at 1 kHz.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,9 @@ from cutenv.tissue.grid import depth_below
 
 
 class PlayedDepthCut(PlayedCut):
-    """Cut of one specimen by a hand along a wanted depth; the blade goes to the level that is asked for.
+    """Cut of one specimen by a hand along a wanted depth.
+
+    The blade goes to the level that is asked for.
 
     It is an episode of ``DepthCutEnv(drive="hand", control_hz=1000)`` with the same seed.  Along the cut the hand holds
     the blade by a spring; up and down the blade is led as a drive leads it.

@@ -1,4 +1,7 @@
-"""Cut by a person along a drawn line: an episode of ``cutenv/PathCut-v1`` at 1 kHz."""
+"""Cut by a person along a drawn line.
+
+An episode of ``cutenv/PathCut-v1`` at 1 kHz.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,9 @@ _LATERAL = PATH_CUT.all_components[_AT]
 
 
 class PlayedPathCut(PlayedCut):
-    """Cut of one specimen by a hand along a drawn line; the blade points where the hand is moved.
+    """Cut of one specimen by a hand along a drawn line.
+
+    The blade points where the hand is moved.
 
     It is an episode of ``PathCutEnv(drive="hand", control_hz=1000)`` with the same seed.  The blade hangs on the hand
     by a spring, behind it; it turns toward the place where the hand is wanted, at the task's rate of turn at most.

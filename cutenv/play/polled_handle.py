@@ -1,4 +1,6 @@
-"""Haptic handle that is polled in a thread of its own: newest position in, newest force out, zero when either is stale.
+"""Haptic handle that is polled in a thread of its own.
+
+Newest position in, newest force out, zero when either is stale.
 
 A force reaches the device only while it is fresh: if the session has pushed none for longer than the coupling's period,
 or the device has answered with no sound sample for :data:`STALE`, zero is sent until both are well again. A device that
@@ -35,7 +37,10 @@ _UPRIGHT = 0.5 * math.pi
 
 
 class HandleSample(NamedTuple):
-    """Report of a handle: x, y, z [m] in its own axes, and the buttons held down ("next", "repeat")."""
+    """Report of a handle.
+
+    X, y, z [m] in its own axes, and the buttons held down ("next", "repeat").
+    """
 
     position: tuple[float, float, float]
     buttons: frozenset[str] = frozenset()
@@ -119,7 +124,9 @@ def checked_sample(position: tuple[float, float, float], buttons: frozenset[str]
 
 
 class PolledHandle:
-    """Haptic device that talks to a link a thousand times a second, in a thread of its own.
+    """Haptic device, polled a thousand times a second.
+
+    A thread of its own talks to its link.
 
     Parameters
     ----------

@@ -1,4 +1,7 @@
-"""Servo that runs a session at 1 kHz in a thread of its own, so that devices that push do not wait for pictures."""
+"""Servo that runs a session at 1 kHz in a thread.
+
+So devices that push do not wait for pictures.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Cut that an agent makes and a person can take over, millisecond by millisecond, while a button is held."""
+"""Cut by an agent that a person can take over.
+
+It is taken over millisecond by millisecond, while a button is held.
+"""
 
 from __future__ import annotations
 
@@ -69,7 +72,9 @@ class SharingAgent:
 
 
 class SharedCut(PlayedCut):
-    """Cut on a rig's drive, which follows the agent's speed and angle, or the person's while they hold a button.
+    """Cut on a rig's drive, by agent or person.
+
+    The drive follows the agent's speed and angle, or the person's while they hold a button.
 
     Without the person it is the agent's cut in the environment, decision by decision. The blade does not leap when the
     person takes it: it moves and leans by as much as the hand does from there.

@@ -1,4 +1,7 @@
-"""State of a session that a picture shows: numbers, without drawing."""
+"""State of a session that a picture shows.
+
+Numbers, without drawing.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,10 @@ PlayPhase = Literal["ready", "countdown", "cutting", "ended"]
 
 @dataclass(frozen=True, kw_only=True)
 class ViewState:
-    """State of a session to be drawn at one moment; nothing in it changes afterwards."""
+    """State of a session to be drawn at one moment.
+
+    Nothing in it changes afterwards.
+    """
 
     phase: PlayPhase
     countdown: float

@@ -1,16 +1,20 @@
-"""Policies that need no learning library: functions from an observation to an action."""
+"""Policies that need no learning library.
+
+Functions from an observation to an action.
+"""
 
 from cutenv.policy.actor_network import Network, RecurrentNetwork
 from cutenv.policy.features import Features
-from cutenv.policy.feedback import ForceFeedback, ProbeAndCreep
 from cutenv.policy.interface import ArrayPolicy, Policy, PrivilegedPolicy
 from cutenv.policy.planner import PlannerNominal, PlannerWithTruth
 from cutenv.policy.scripted import (
     ConstantFeed,
     FastThenSlow,
+    ForceFeedback,
     InclineBetween,
     NoAction,
     OneReturnStroke,
+    ProbeAndCreep,
     RandomAction,
     Script,
     StopAndUnload,

@@ -1,4 +1,7 @@
-"""Networks in NumPy, the actors of trained policies: dense layers, and an LSTM followed by dense layers."""
+"""Networks in NumPy, the actors of trained policies.
+
+Dense layers, and an LSTM followed by dense layers.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +28,9 @@ _HIDDEN = re.compile(r"mlp_extractor\.policy_net\.(\d+)\.(?:weight|bias)")
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """Dense layers, each followed by an activation; after the last comes none, or tanh.
+    """Dense layers, each followed by an activation.
+
+    After the last comes none, or tanh.
 
     Parameters
     ----------

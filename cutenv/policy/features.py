@@ -1,4 +1,6 @@
-"""Features of a learned policy: the observation, quantities derived from it, and a short history.
+"""Features of a learned policy.
+
+The observation, quantities derived from it, and a short history.
 
 The most useful derived quantities are the position of the tip (:mod:`cutenv.policy.tip_estimate`), and how far an
 unstable run would carry it if it began now.  Nothing is included that a rig could not know.
@@ -55,7 +57,9 @@ class Remembered(NamedTuple):
 
 
 class Features:
-    """Features of one cut or many, decision after decision; those of many are bit for bit those of each alone.
+    """Features of one cut or many, decision after decision.
+
+    Those of many are bit for bit those of each alone.
 
     Parameters
     ----------

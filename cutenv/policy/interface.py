@@ -1,4 +1,7 @@
-"""The interface of a policy: reset at the start of a cut, then observations in, actions out; by column, in SI units."""
+"""The interface of a policy.
+
+Reset at the start of a cut, then observations in, actions out; by column, in SI units.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +42,10 @@ class Policy(Protocol):
 
 @runtime_checkable
 class PrivilegedPolicy(Protocol):
-    """A policy that is given the hidden state: an oracle to compare with, never a competitor."""
+    """A policy that is given the hidden state.
+
+    An oracle to compare with, never a competitor.
+    """
 
     def set_state(self, cutting: Episode) -> None:
         """Take the hidden state; called after ``reset`` with the cut at its start."""
@@ -79,7 +85,10 @@ class ArrayPolicy(ABC):
 
 
 class CopiedPolicy(ArrayPolicy):
-    """Adapter of a policy written for single cuts: a copy of it for each cut."""
+    """Adapter of a policy written for single cuts.
+
+    A copy of it for each cut.
+    """
 
     def __init__(self, policy: Policy) -> None:
         self._policy: Any = policy

@@ -1,4 +1,7 @@
-"""Planners with truth for tasks that add a third action and a map of the cut; each knows all, plans the whole cut."""
+"""Planners with truth for tasks that add a third action.
+
+The tasks have a map of the cut; a planner knows all, and plans the whole cut.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +36,10 @@ _NO_READINGS = np.zeros((0, 0), READING)
 
 
 class ThirdPlan(NamedTuple):
-    """Numbers of a plan for the third action: where the search begins, its steps, and its range; each of shape (m,)."""
+    """Numbers of a plan for the third action.
+
+    They say where the search begins, its steps, and its range; each of shape (m,).
+    """
 
     first: tuple[float, ...]
     step: tuple[float, ...]
@@ -254,7 +260,9 @@ class DepthSearch(MapSearch):
 
 
 class DepthPlanner(MapPlanner):
-    """The oracle of ``cutenv/DepthCut-v1``: it knows the specimen and plans the whole cut.
+    """The oracle of ``cutenv/DepthCut-v1``.
+
+    It knows the specimen and plans the whole cut.
 
     Its plans come from a search, so the true optimum is better.
 
@@ -310,7 +318,10 @@ def wanted_bend(state: Struct, steering: Struct, lengths: Array) -> float:
 
 
 class PathSearch(MapSearch):
-    """Search over plans of cuts along a line; the third part of a plan are the lengths of the steering."""
+    """Search over plans of cuts along a line.
+
+    The third part of a plan are the lengths of the steering.
+    """
 
     task = PATH_CUT
     third = ThirdPlan(_FIRST, _STEPS, _LEAST, _MOST)
@@ -322,7 +333,9 @@ class PathSearch(MapSearch):
 
 
 class PathPlanner(MapPlanner):
-    """The oracle of ``cutenv/PathCut-v1``: it knows tissue and tip, and plans the whole cut.
+    """The oracle of ``cutenv/PathCut-v1``.
+
+    It knows tissue and tip, and plans the whole cut.
 
     Speed, angle and end come from a search; the blade is steered by the true direction and stiffness of the crack, with
     lengths that are searched for as well.

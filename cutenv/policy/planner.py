@@ -12,8 +12,7 @@ from cutenv._base.arrays import Array, Array32, Indices, Struct, StructArray
 from cutenv._base.validation import in_range
 from cutenv._engine.intrinsics import first_row, keep_alive
 from cutenv._engine.jit import njit, njit_internal, njit_nogil
-from cutenv._engine.parallel import parallel_for
-from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
+from cutenv._engine.parallel import WorkQueue, mark_done, next_chunk, parallel_for
 from cutenv.cutting.dtypes import READING
 from cutenv.cutting.motion import STRAIGHT, Moving
 from cutenv.cutting.row import LANES, ROW, lane_views, plain_views
@@ -22,9 +21,8 @@ from cutenv.plant.simulator import SimulatedPlant
 from cutenv.policy.interface import DISTANCE_COLUMN, POSITION_COLUMN, ArrayPolicy, to_actions
 from cutenv.policy.scripted import INCLINED, Script, StopAndUnload
 from cutenv.task.assessment import COUNT
-from cutenv.task.declare import Cuts, Stepping
+from cutenv.task.declare import GENTLE_CUT, Cuts, Stepping
 from cutenv.task.episode import Episode, Goal
-from cutenv.task.gentle import GENTLE_CUT
 from cutenv.task.info import INFO
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, COMPONENTS, speed_action
 from cutenv.task.stepper import Ahead, Decision, flat_views, step_row
@@ -199,7 +197,9 @@ _NEVER = 1.0  # [m], a place that no blade reaches
 
 
 class Search:
-    """Random local search over plans, started from the best of a grid of constant ones, for one cut or many at once.
+    """Random local search over plans, for one cut or many.
+
+    It starts from the best of a grid of constant ones.
 
     Parameters
     ----------
@@ -314,7 +314,9 @@ def _better(plans: StructArray, returns: Array, plan: StructArray, value: float)
 
 
 class PlannerWithTruth(ArrayPolicy):
-    """The oracle: it knows the specimen and plans the whole cut; an upper bound that no real policy can reach.
+    """The oracle: it knows the specimen and plans the whole cut.
+
+    An upper bound that no real policy can reach.
 
     Its plans come from a search, so the true optimum is slightly better.
 
@@ -361,7 +363,9 @@ class PlannerWithTruth(ArrayPolicy):
 
 
 class PlannerNominal(Script):
-    """A planner for the mean liver: it follows the plan and stops where the tip is estimated to reach the target.
+    """A planner for the mean liver.
+
+    It follows the plan and stops where the tip is estimated to reach the target.
 
     Parameters
     ----------

@@ -1,4 +1,7 @@
-"""Policies by name: baselines tuned on validation specimens, the trained ones of the package, and any by folder."""
+"""Policies by name.
+
+Baselines tuned on validation specimens, the trained ones of the package, and any by folder.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +13,18 @@ from pathlib import Path
 from cutenv._base import resources
 from cutenv._base.imports import import_from_here
 from cutenv._base.validation import one_of
-from cutenv.policy.feedback import ForceFeedback, ProbeAndCreep
 from cutenv.policy.interface import Policy
 from cutenv.policy.planner import PlannerNominal, PlannerWithTruth
-from cutenv.policy.scripted import ConstantFeed, FastThenSlow, InclineBetween, NoAction, OneReturnStroke, RandomAction
+from cutenv.policy.scripted import (
+    ConstantFeed,
+    FastThenSlow,
+    ForceFeedback,
+    InclineBetween,
+    NoAction,
+    OneReturnStroke,
+    ProbeAndCreep,
+    RandomAction,
+)
 from cutenv.policy.trained import CARD, TrainedPolicy
 from cutenv.task.registry import TASKS, task_made_as
 
@@ -104,7 +115,9 @@ def named_folder(name: str | Path) -> Path | None:
 
 
 def policy_of_class(name: str) -> Policy | None:
-    """Make a policy of a user's own class, named ``MODULE:CLASS``; None if the name has not that form.
+    """Make a policy of a user's own class, named ``MODULE:CLASS``.
+
+    It is None if the name has not that form.
 
     The module is one in the present folder or an installed one. The class may tell in ``environment_arguments`` with
     which keywords its environment is made, such as ``{"control_hz": 10}``, and in ``files`` which files it reads,

@@ -1,4 +1,6 @@
-"""The crack tip estimated from observations (:mod:`cutenv.tissue.crack_tip`), and the run that it would make now.
+"""The crack tip estimated from observations, and its run.
+
+The tip is that of :mod:`cutenv.tissue.crack_tip`; the run is the one that it would make now.
 
 While the blade advances the tip is also estimated from two forces at once: that along the cut, and that upwards.
 
@@ -24,14 +26,7 @@ from numpy.typing import NDArray
 from cutenv._base.arrays import Array, Indices, Struct, StructArray
 from cutenv._engine.elementary import exp
 from cutenv._engine.jit import njit, njit_internal
-from cutenv.policy.interface import (
-    DEPTH_COLUMN,
-    FORCE_COLUMN,
-    FORCE_MEAN_COLUMN,
-    POSITION_COLUMN,
-    SPEED_COLUMN,
-    in_si,
-)
+from cutenv.policy.interface import DEPTH_COLUMN, FORCE_COLUMN, FORCE_MEAN_COLUMN, POSITION_COLUMN, SPEED_COLUMN, in_si
 from cutenv.task_quantities import SHALLOWEST
 from cutenv.tissue.crack_tip import (
     PRESLIDING,
@@ -83,7 +78,9 @@ CUT_ESTIMATE: np.dtype[Any] = np.dtype(
 
 
 class TipEstimate:
-    """Estimator of the crack tip from observations; it begins with the mean tissue and learns from return strokes.
+    """Estimator of the crack tip from observations.
+
+    It begins with the mean tissue and learns from return strokes.
 
     An observation contains the depth at the blade; the tip is behind it, where the bulge is thinner.  So the depth
     is stored as the blade passes.
@@ -273,7 +270,9 @@ def _feel_all(felt: StructArray, nominals: StructArray, values: Array, lags: Arr
 def feel_two_forces(
     felt: Struct, nominal: Struct, reading: BladeReading, upwards: float, descent_speed: float
 ) -> float:
-    """Update what is known of one cut by a decision's forces; return the lag of the tip behind the blade [m].
+    """Update what is known of one cut by a decision's forces.
+
+    Return the lag of the tip behind the blade [m].
 
     Parameters
     ----------

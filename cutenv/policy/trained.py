@@ -1,4 +1,7 @@
-"""Trained policies, run by NumPy alone: a folder with ``policy.safetensors``, and ``card.json`` with all it needs."""
+"""Trained policies, run by NumPy alone.
+
+A folder with ``policy.safetensors``, and ``card.json`` with all it needs.
+"""
 
 from __future__ import annotations
 
@@ -191,7 +194,9 @@ _AGAIN = "Copy the whole folder again, or save the policy again with this versio
 
 
 class TrainedPolicy(ArrayPolicy):
-    """A trained deterministic policy: features, network, the script that it corrects if any, clipping to [-1, 1].
+    """A trained deterministic policy.
+
+    Features, network, the script that it corrects if any, clipping to [-1, 1].
 
     :meth:`load` reads one from a folder that :func:`save_policy` wrote.
 

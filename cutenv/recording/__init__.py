@@ -1,4 +1,7 @@
-"""Records of cuts as files: CSV, Parquet and HDF5 with units in the headers, and other programs' tables."""
+"""Records of cuts as files.
+
+CSV, Parquet and HDF5 with units in the headers, and other programs' tables.
+"""
 
 from __future__ import annotations
 

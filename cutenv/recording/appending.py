@@ -1,4 +1,7 @@
-"""Record on disk that grows during the cut, and stays readable whatever happens to the process."""
+"""Record on disk that grows during the cut.
+
+It stays readable whatever happens to the process.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,10 @@ _PATIENCE = 5.0  # [s] with a disk that does not respond
 
 
 class RecordingFailed(OSError):
-    """Error for a disk that accepts no more of the record: full, gone or unresponsive; the part on it can be read."""
+    """Error for a disk that accepts no more of the record.
+
+    Full, gone or unresponsive; the part on it can be read.
+    """
 
 
 class AppendingRecord:

@@ -32,7 +32,9 @@ USUAL_UNITS = {"time": "ms", "position": "mm", "speed": "mm/s", "angle": "deg", 
 
 @dataclass(frozen=True, kw_only=True)
 class Expression:
-    """Source of a field: a column, its opposite, the norm of several, or one number set by hand.
+    """Source of a field.
+
+    A column, its opposite, the norm of several, or one number set by hand.
 
     Attributes
     ----------

@@ -1,4 +1,7 @@
-"""Records as CSV: comments with schema and metadata, a row of headers with units, a row for each reading."""
+"""Records as CSV.
+
+Comments with schema and metadata, a row of headers with units, a row for each reading.
+"""
 
 from __future__ import annotations
 

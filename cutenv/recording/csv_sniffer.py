@@ -1,4 +1,7 @@
-"""Tables of numbers from any program: encoding, separator, decimal sign, header, units and specimens are detected."""
+"""Tables of numbers from any program.
+
+Encoding, separator, decimal sign, header, units and specimens are detected.
+"""
 
 from __future__ import annotations
 
@@ -23,15 +26,12 @@ from cutenv.recording.cell_values import (
     may_be_thousands,
     plain_float,
 )
-from cutenv.recording.long_table import one_column_a_channel
 from cutenv.recording.maker_headers import MakerHeader, maker_header, stated_force_unit, stated_rate
 from cutenv.recording.named_columns import LeftOut, NamedColumns, RowNumbers
 from cutenv.recording.schema import RecordError
-from cutenv.recording.specimens import side_by_side
 from cutenv.recording.stated_units import known_spelling, split_header
+from cutenv.recording.table_layouts import one_column_a_channel, side_by_side, whole_times, with_unit_columns
 from cutenv.recording.text_lines import plain_rows, tabled, text_lines
-from cutenv.recording.time_columns import whole_times
-from cutenv.recording.unit_columns import with_unit_columns
 
 
 class Dialect(NamedTuple):
@@ -104,7 +104,10 @@ def split_row(row: str, separator: str) -> list[str]:
 
 @dataclass
 class _Rows:
-    """Rows of cells in one dialect, before they are read: how many cells, and which columns hold numbers."""
+    """Rows of cells in one dialect, before they are read.
+
+    It says how many cells they have, and which columns hold numbers.
+    """
 
     dialect: Dialect
     length: int

@@ -143,7 +143,9 @@ def tables_in(path: Path) -> list[CutTable]:
 
 
 def load_one(path: str | os.PathLike[str], *, force: str | None = None) -> Trace:
-    """Read the cut of a file that holds one; parameters and errors as in :func:`load`.
+    """Read the cut of a file that holds one.
+
+    Parameters and errors as in :func:`load`.
 
     Raises
     ------

@@ -1,8 +1,12 @@
-"""Reading of any record: of this package, or of other programs, through a mapping of their columns or topics."""
+"""Reading of any record.
+
+It is of this package, or of other programs, through a mapping of their columns or topics.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import mmap
 import os
 from collections.abc import Mapping
@@ -15,16 +19,18 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
 from cutenv.measurement import QualityIssue, quality_issues
+from cutenv.measurement.signal_faults import Readings
 from cutenv.recording import mcap_file
 from cutenv.recording.column_map import MAP_FILE, ColumnMap
 from cutenv.recording.csv_file import is_own
 from cutenv.recording.cut_detection import STANDARD, CutSearch, FoundCut, contact_level, find_cuts, find_tare
-from cutenv.recording.files import FORMATS, load
+from cutenv.recording.files import FORMATS, load, tables_in
 from cutenv.recording.foreign_files import foreign_columns, is_text
 from cutenv.recording.mapped_columns import MappedReadings, RecordRows
 from cutenv.recording.named_columns import LeftOut, NamedColumns
 from cutenv.recording.proposal import Proposal, Question, proposal
 from cutenv.recording.schema import SCHEMA, RecordError
+from cutenv.recording.table import CutTable
 from cutenv.trace import Trace
 
 
@@ -277,7 +283,10 @@ def look_at(
 
 
 class OpenQuestions(RecordError):
-    """Error for a file that leaves open what nobody can guess: `asked` has the questions."""
+    """Error for a file that leaves open what nobody can guess.
+
+    `asked` has the questions.
+    """
 
     def __init__(self, path: Path, asked: Proposal) -> None:
         questions = " ".join(map(str, asked.questions))
@@ -363,7 +372,10 @@ def _tare(readings: MappedReadings, whole: Trace, record: RecordRows, search: Cu
 
 
 class _Searched(NamedTuple):
-    """A record as it is and tared; offsets and length of its quiet start; the cuts that were found in it."""
+    """A record as it is and tared.
+
+    Offsets and length of its quiet start; the cuts that were found in it.
+    """
 
     whole: Trace
     tared: Trace
@@ -413,3 +425,62 @@ def _cut(trace: Trace, cut: FoundCut, lines: NDArray[np.intp], row_name: str) ->
         for flaw in quality_issues(part)
     )
     return part, located
+
+
+def readings_in(path: Path, mapping: ColumnMap | None = None) -> list[Readings]:
+    """Return the columns of every record of a file, without tare, in the file's order.
+
+    Of a file whose headers name quantity and unit they need not be a record: its clock may go back, and its force be of
+    any size.
+
+    Parameters
+    ----------
+    path : Path
+        File of this package, or of another program.
+    mapping : ColumnMap, optional
+        Which column is what, for one of another program.
+
+    Raises
+    ------
+    RecordError
+        If it cannot be read.
+    OSError
+        If it cannot be opened.
+    """
+    if mapping is None:
+        try:
+            tables = tables_in(path)
+        except RecordError:
+            tables = []
+        columns = [readings for table in tables for readings in _of_table(table)]
+        if columns:
+            return columns
+    return [_of_trace(trace) for trace in read_record(path, mapping, search=None).records]
+
+
+def _of_table(table: CutTable) -> list[Readings]:
+    """Return the columns of each cut; none if a force must be computed first, or a cell is no number."""
+    n = len(table.values[0])
+    borders = [0, n] if table.cut is None else [0, *(np.flatnonzero(np.diff(table.cut)) + 1).tolist(), n]
+    named = {column.of_trace: (column, values) for column, values in zip(table.columns, table.values, strict=True)}
+    if "force" not in named or n < 2:
+        return []
+    found = []
+    for number, (first, stop) in enumerate(itertools.pairwise(borders)):
+        held = {
+            name: column.to_si(values[first:stop])
+            for name, (column, values) in named.items()
+            if name in ("time", "force", "position", "speed") and not np.isnan(values[first:stop]).all()
+        }
+        if not {"time", "force"} <= held.keys() or not all(np.isfinite(values).all() for values in held.values()):
+            return []
+        facts = {**table.shared, **table.own.get(number, {})}
+        found.append(Readings(**held, force_unit=named["force"][0].force_unit or "N", metadata=facts))
+    return found
+
+
+def _of_trace(trace: Trace) -> Readings:
+    return Readings(
+        time=trace.time, force=trace.force, position=trace.position, speed=trace.speed, force_unit=trace.force_unit,
+        metadata=trace.metadata,
+    )  # fmt: skip

@@ -1,4 +1,7 @@
-"""Drawn lines as files: places along and across the slab, from the clamp on."""
+"""Drawn lines as files.
+
+Places along and across the slab, from the clamp on.
+"""
 
 from __future__ import annotations
 

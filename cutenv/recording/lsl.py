@@ -1,4 +1,6 @@
-"""The Lab Streaming Layer: cuts sent while they go on, and force streams recorded as cuts while they arrive.
+"""The Lab Streaming Layer.
+
+Cuts sent while they go on, and force streams recorded as cuts while they arrive.
 
 Two streams are sent, and nothing ever comes back. ``SOURCE readings`` (type Force) has a sample each millisecond: force
 [N], position [m], speed [m/s], angle [rad], depth [m], in double precision. ``SOURCE markers`` (type Markers) has

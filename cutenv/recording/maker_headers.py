@@ -9,8 +9,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from cutenv.recording.cell_values import NUMBER_PATTERNS, CellValues, cell_values
-from cutenv.recording.channel_blocks import ChannelBlock, igor_blocks, joined_rows, spike2_blocks
 from cutenv.recording.stated_units import known_spelling
+from cutenv.recording.table_layouts import ChannelBlock, igor_blocks, joined_rows, spike2_blocks
 
 _END = "***End_of_Header***"
 _LABCHART = ("Interval=", "ExcelDateTime=", "TimeFormat=", "DateFormat=", "ChannelTitle=", "Range=", "UnitName=",

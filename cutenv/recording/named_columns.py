@@ -1,4 +1,7 @@
-"""Named columns of a foreign file, whatever its format: what a mapping, or the proposal of one, is made from."""
+"""Named columns of a foreign file, whatever its format.
+
+A mapping, or the proposal of one, is made from them.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,10 @@ RowNumbers = NDArray[np.intp]
 
 @dataclass(frozen=True, kw_only=True)
 class LeftOut:
-    """Rows of a file that are in no record: their number, and the reason in words."""
+    """Rows of a file that are in no record.
+
+    Their number, and the reason in words.
+    """
 
     count: int
     reason: str

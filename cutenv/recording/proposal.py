@@ -1,4 +1,7 @@
-"""Proposal of a mapping for a foreign file: which column is what, and the questions that the file leaves open."""
+"""Proposal of a mapping for a foreign file.
+
+It says which column is what, and asks the questions that the file leaves open.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +15,8 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
 from cutenv.recording.column_map import ColumnMap, options_text
-from cutenv.recording.mapped_columns import assumed_unit
+from cutenv.recording.mapped_columns import GREATEST_RATE, LEAST_RATE, assumed_unit, time_units, usual_step, way_units
 from cutenv.recording.named_columns import NamedColumns, bare_name, column_stem
-from cutenv.recording.plausible_units import GREATEST_RATE, LEAST_RATE, time_units, usual_step, way_units
 from cutenv.recording.schema import UNITS, RecordError
 from cutenv.recording.stated_units import known_spelling
 

@@ -1,4 +1,7 @@
-"""Provenance of a record: rig, sensor, blade, specimen, day, consent, calibration; operator, group, session, order."""
+"""Provenance of a record.
+
+Rig, sensor, blade, specimen, day, consent, calibration; operator, group, session, order.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,9 @@ _CODE = re.compile(
 
 @dataclass(frozen=True, kw_only=True)
 class TissueHandling:
-    """Handling of a piece of tissue before and during its cuts; unknown parts are None.
+    """Handling of a piece of tissue before and during its cuts.
+
+    Unknown parts are None.
 
     Parameters
     ----------
@@ -300,7 +305,9 @@ def load_operators(path: str | os.PathLike[str], *, raters: Sequence[str] = ()) 
 
 
 def recorded_operators(records: Sequence[Mapping[str, Any]]) -> list[OperatorRow]:
-    """Return the operators that records name themselves, as a table would; the sessions are an operator's days.
+    """Return the operators that records name themselves, as a table would.
+
+    The sessions are an operator's days.
 
     Parameters
     ----------

@@ -1,4 +1,7 @@
-"""Version of the record files, their JSON content and columns, and the error that a reader raises for a bad file."""
+"""Version, JSON content and columns of record files.
+
+A reader raises the error for a bad file.
+"""
 
 from __future__ import annotations
 
@@ -110,7 +113,9 @@ _BEGINNINGS = {
 
 
 class RecordError(ValueError):
-    """Error for a file that is not a record, or is damaged: it names the file, the place, the reason and the cure.
+    """Error for a file that is not a record, or damaged.
+
+    It names the file, the place, the reason and the cure.
 
     Parameters
     ----------

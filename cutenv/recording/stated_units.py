@@ -1,4 +1,7 @@
-"""Units as files of other programs state them: in brackets, behind a name, in a row of their own, in a cell."""
+"""Units as files of other programs state them.
+
+They are in brackets, behind a name, in a row of their own, or in a cell.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +35,10 @@ _INNER = re.compile(r"(.*[^\s\[(])\s*[\[(]([^\[\]()]*)[\])]\s*([^\s\[\](),;][^\[
 
 
 class StatedUnit(NamedTuple):
-    """Unit of a column: its quantity ("time", "force", "length", "speed", "angle", "other"), and our spelling."""
+    """Unit of a column.
+
+    Its quantity ("time", "force", "length", "speed", "angle", "other"), and our spelling.
+    """
 
     quantity: str
     unit: str

@@ -1,4 +1,7 @@
-"""Text files as lines, and lines that are no table yet: JSON, keys and values, the arrows of a serial monitor."""
+"""Text files as lines, and lines that are no table yet.
+
+JSON, keys and values, the arrows of a serial monitor.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +53,10 @@ def text_lines(path: Path) -> list[str]:
 
 
 class Tabled:
-    """Names, cells and line numbers of a text without a table; the `kind` of its layout; stated `facts`."""
+    """Names, cells and line numbers of a text without a table.
+
+    The `kind` of its layout; stated `facts`.
+    """
 
     def __init__(
         self,

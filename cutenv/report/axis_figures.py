@@ -1,4 +1,7 @@
-"""Figures of a rig's axis: its responses to steps and sines over the fitted model, and the speed of a cut."""
+"""Figures of a rig's axis.
+
+Its responses to steps and sines over the fitted model, and the speed of a cut.
+"""
 
 from __future__ import annotations
 

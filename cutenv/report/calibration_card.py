@@ -1,4 +1,7 @@
-"""Validation card of a calibrated tissue: values, the data behind them, and how well it predicts; with figures."""
+"""Validation card of a calibrated tissue.
+
+Values, the data behind them, and how well it predicts; with figures.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Report of a sequential comparison: decision, interval after every pair, what it spent and saved, raw pairs."""
+"""Report of a sequential comparison.
+
+Decision, interval after every pair, what it spent and saved, raw pairs.
+"""
 
 from __future__ import annotations
 

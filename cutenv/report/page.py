@@ -1,4 +1,6 @@
-"""Pages of results, self-contained files, in any language: what they, their figures and their glossary share.
+"""Pages of results, self-contained files, in any language.
+
+This module holds what they, their figures and their glossary share.
 
 In another language every text of a finished page and of its figures is looked up among known phrases.  Figures are
 drawn for a desktop screen and for a phone, loading matplotlib when drawn.
@@ -26,8 +28,7 @@ from cutenv._base.document import render
 from cutenv._base.language_files import ENGLISH, languages, local_date, local_number, phrases_from_english
 from cutenv._base.output import atomic_write
 from cutenv.task.registry import TASKS
-from cutenv.task.reward import REWARD
-from cutenv.task.weights import RewardWeights
+from cutenv.task.reward import REWARD, RewardWeights
 from cutenv.task_quantities import ANGLE_TOLERANCE, FORCE_ALLOWED, LAG_ALLOWED, TIP_TOLERANCE
 
 if TYPE_CHECKING:
@@ -346,7 +347,9 @@ PHONE_WIDTH = 6.0
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Return an empty figure of a size [in]; pages have figures of two widths, for a desktop screen and a phone.
+    """Return an empty figure of a size [in].
+
+    Pages have figures of two widths, for a desktop screen and a phone.
 
     Raises
     ------

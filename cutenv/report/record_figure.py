@@ -1,4 +1,7 @@
-"""Figures of one cut, from the side above its force, and of a whole record: tare, cuts, flaws, for confirmation."""
+"""Figures of one cut, and of a whole record.
+
+A cut is seen from the side above its force; a record has tare, cuts and flaws, for confirmation.
+"""
 
 from __future__ import annotations
 

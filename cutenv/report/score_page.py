@@ -1,4 +1,7 @@
-"""Pages of a scored cut, with its figure, and of a summary of many, each a self-contained file."""
+"""Pages of a scored cut, and of a summary of many.
+
+Each is a self-contained file; that of a cut has its figure.
+"""
 
 from __future__ import annotations
 

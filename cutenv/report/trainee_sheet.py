@@ -1,4 +1,7 @@
-"""Sheet of each trainee of a study, a page to print and hand out, and the list of the class."""
+"""Sheet of each trainee of a study, and the class's list.
+
+A sheet is a page to print and hand out.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +14,9 @@ import numpy as np
 from cutenv.report.page import PHONE_WIDTH, label, new_figure, number, plain_axes, write_page, write_table
 from cutenv.scoring.score_card import DISCLAIMER, ScoreCard, whole_score
 from cutenv.scoring.study import Proficiency, StudiedCut, Study, proficiency
+from cutenv.scoring.study.learning import RECENT, mean_points, next_tries, outcome_counts
 from cutenv.scoring.study.pass_mark import IN_A_ROW
 from cutenv.scoring.study.study import OVERALL
-from cutenv.scoring.study.trainee import RECENT, mean_points, next_tries, outcome_counts
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -1,4 +1,7 @@
-"""Page of a training run: the agent's results beside scripts, on specimens that it has never seen."""
+"""Page of a training run.
+
+The agent's results beside scripts, on specimens that it has never seen.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Result of a training run as plain data, checked on construction, so that page and figures can rely on it."""
+"""Result of a training run as plain, checked data.
+
+It is checked on construction, so that page and figures can rely on it.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +39,10 @@ _CURE = "An interval needs two specimens or more; look for a NaN in the scores."
 
 @dataclass(frozen=True)
 class Score:
-    """Score as a column: its name in the data, its heading, unit and digits shown."""
+    """Score as a column.
+
+    Its name in the data, its heading, unit and digits shown.
+    """
 
     name: str
     heading: str

@@ -1,4 +1,6 @@
-"""Contradictions in a rig's file: keys that are each in range but cannot be true at the same time.
+"""Contradictions in a rig's file.
+
+Keys that are each in range but cannot be true at the same time.
 
 A rig that is accepted here can be used for cuts: in normal operation it crosses no limit.
 """
@@ -10,17 +12,15 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from cutenv._base.validation import one_of
-from cutenv.rig.config.axes import Axis, CrossAxis, HeightAxis
 from cutenv.rig.config.file_schema import setting_text
-from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.devices.canopen.bus import INTERFACES, bus_arguments
+from cutenv.rig.config.settings import Axis, CrossAxis, HeightAxis, RigSettings
 from cutenv.rig.devices.canopen.configuration import PRODUCER_PERIOD
-from cutenv.rig.devices.canopen.network import DRIVE_PATIENCE
+from cutenv.rig.devices.canopen.network import DRIVE_PATIENCE, INTERFACES, bus_arguments
 from cutenv.rig.devices.canopen.objects import AxisUnits
 from cutenv.rig.devices.driver_registry import KIND_OF_ROLE, axes_driven_by, driven_roles, traits_of
 from cutenv.rig.operation.session import RETURN_SPEED
 from cutenv.rig.plant import REST_WITHIN, TURN_RATE
-from cutenv.rig.safety.force_monitor import RISE_OVER
+from cutenv.rig.safety.monitors import RISE_OVER
 from cutenv.rig.travel import RAISE_SPEED, SLOW_TURN
 
 AHEAD = 0.010

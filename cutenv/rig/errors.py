@@ -4,4 +4,7 @@ from __future__ import annotations
 
 
 class RigError(Exception):
-    """Error for a rig that is missing, not as expected, or unable to do what is asked; the message gives the cure."""
+    """Error for a rig that cannot do what is asked.
+
+    It is missing, not as expected, or unable to do it; the message gives the cure.
+    """

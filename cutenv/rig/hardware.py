@@ -1,4 +1,7 @@
-"""Rig made from its file: its plant, and the spine through which it is moved."""
+"""Rig made from its file.
+
+Its plant, and the spine through which it is moved.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Spine of a rig in a process of its own, as the policy's program sees it.
+"""Spine in a process of its own, as a program sees it.
 
 What runs where::
 
@@ -10,7 +10,7 @@ What runs where::
                  ---- stops (memory) -----------> loop: every 2 ms; also signals, and whether the program lives
 
 A command is 72 bytes with number, time and validity, put into a socket that wakes the spine: the system delivers it
-whole and in order, or not at all. Samples and the state come back through :mod:`cutenv.rig.spine_link`, where nobody
+whole and in order, or not at all. Samples and the state come back through :mod:`cutenv.rig.spine_process`, where nobody
 waits and there is no lock. Calls that take their time (power, tare, reset) are pickled through the same socket, and
 none is needed while the blade cuts.
 
@@ -41,11 +41,10 @@ from cutenv.rig.config.settings import RigSettings, SafetyLimits
 from cutenv.rig.devices.drivers import ForceSample, MotionSample, Phase
 from cutenv.rig.devices.host import SystemClock
 from cutenv.rig.errors import RigError
-from cutenv.rig.safety.guard import SIGNALS
+from cutenv.rig.safety.oversight import SIGNALS
 from cutenv.rig.safety.stop_causes import Cause, StopReport
 from cutenv.rig.spine import CLOSED_WITHIN, Receiver
-from cutenv.rig.spine_link import COMMAND, DONE, GO, REPLY, TURN, Link, deliver
-from cutenv.rig.spine_process import read_state
+from cutenv.rig.spine_process import COMMAND, DONE, GO, REPLY, TURN, Link, deliver, read_state
 
 _STARTS_WITHIN = 60.0  # [s]
 _CALLS_WITHIN = 60.0  # [s] for power, tare, reset; each driver has its own, shorter limits
@@ -343,7 +342,10 @@ class RemoteSpine:
 
 
 class _HearingClock(SystemClock):
-    """The machine's clock; whoever waits by it takes in what the spine has reported."""
+    """The machine's clock.
+
+    Whoever waits by it takes in what the spine has reported.
+    """
 
     def __init__(self, hear: Callable[[], None]) -> None:
         super().__init__()

@@ -1,4 +1,6 @@
-"""Spine of a rig: its drivers, the safety that judges all that they report, and the loop by which both live.
+"""Spine of a rig.
+
+Its drivers, the safety that judges all that they report, and the loop by which both live.
 
 All that has to work for the blade to be stopped is here and below (``safety``, ``devices``, ``config``). On hardware,
 and on an emulated rig, it runs in a process of its own, :mod:`cutenv.rig.remote_spine`, whatever the policy's program
@@ -17,7 +19,7 @@ from cutenv.rig.devices.driver_registry import Mounting, mounted
 from cutenv.rig.devices.drivers import ForceDriver, ForceSample, MotionDriver, MotionSample, Observer, ZeroedByHand
 from cutenv.rig.devices.host import Attempt, Clock, Repeating
 from cutenv.rig.errors import RigError
-from cutenv.rig.safety.force_monitor import ForceReadings
+from cutenv.rig.safety.monitors import ForceReadings
 from cutenv.rig.safety.stop_causes import AGAIN, WATCH, Cause
 from cutenv.rig.safety.supervisor import Supervisor
 
@@ -30,7 +32,10 @@ _log = logging.getLogger(__name__)
 
 
 class Receiver(Observer, Protocol):
-    """Receiver of what drivers have reported, once it is judged; called in their threads, and must never wait."""
+    """Receiver of what drivers have reported, once it is judged.
+
+    Called in their threads, and must never wait.
+    """
 
     def garbled(self, why: str, time: float) -> None:
         """Take the report of a packet that is not a valid reading, at ``time`` [s]."""

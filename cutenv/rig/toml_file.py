@@ -1,4 +1,7 @@
-"""Rig file: TOML in which names end with their unit, read to SI and radians, and written with a comment for each."""
+"""Rig file.
+
+TOML in which names end with their unit, read to SI and radians, and written with a comment for each.
+"""
 
 from __future__ import annotations
 
@@ -66,7 +69,9 @@ def read_rig_file(path: str | os.PathLike[str]) -> RigSettings:
 
 
 def write_identified(path: str | os.PathLike[str], identified: Identified) -> None:
-    """Replace the values in the file's section ``[identified]``; comments, order and the rest of the file stay.
+    """Replace the values in the file's section ``[identified]``.
+
+    Comments, order and the rest of the file stay.
 
     Values that are None are removed: to keep earlier measurements, give ``dataclasses.replace(settings.identified,
     ...)``. The file is replaced as a whole or not at all.
@@ -96,7 +101,9 @@ def write_identified(path: str | os.PathLike[str], identified: Identified) -> No
 
 
 def write_values(path: str | os.PathLike[str], values: Mapping[tuple[str, ...], Any]) -> None:
-    """Replace values in a rig's file; comments, order and the rest of the file stay.
+    """Replace values in a rig's file.
+
+    Comments, order and the rest of the file stay.
 
     Parameters
     ----------

@@ -1,4 +1,7 @@
-"""Motions of a rig's blade outside a cut: to a place, up and down, to the side, and back the way that it came."""
+"""Motions of a rig's blade outside a cut.
+
+They lead to a place, up and down, to the side, and back the way that it came.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,9 @@ _NEAR = 3e-4  # [m] distance at which it has passed a place on its way back
 
 
 class Travel(ABC):
-    """Part of a rig that moves its blade outside a cut; the blade waits and comes to rest as the whole rig does.
+    """Part of a rig that moves its blade outside a cut.
+
+    The blade waits and comes to rest as the whole rig does.
 
     Attributes
     ----------

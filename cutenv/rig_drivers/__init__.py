@@ -1,4 +1,6 @@
-"""Drivers beside the rig's own, which loads them by name alone, and what every driver is tried against.
+"""Drivers beside the rig's own, and their conformance.
+
+The rig loads them by name alone.
 
 They are found as those of other packages are, by ``module:attribute``, in the registry's table. Entry points would need
 an installed distribution; the table works from a source tree, too, and all have one version.

@@ -1,4 +1,6 @@
-"""Driver "bota" of a force sensor: Bota Systems' SensONE, Rokubi and others with a serial line (RS-422, USB).
+"""Driver "bota" of a force sensor.
+
+Bota Systems' SensONE, Rokubi and others with a serial line (RS-422, USB).
 
 Source: Bota Systems' driver for ROS, ``rokubimini_serial``, and its examples in C++ and Python: frames of 37 bytes
 (header 0xAA, status, six floats, time, temperature, CRC-16/X-25) at 460 800 baud; commands C, c, f, R.
@@ -12,10 +14,9 @@ from dataclasses import dataclass
 from enum import IntFlag
 
 from cutenv._base.validation import check_parameters
-from cutenv.rig.config.setting import setting
-from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.config.settings import RigSettings, setting
 from cutenv.rig.devices.driver_registry import Mounting, rig_driver
-from cutenv.rig.devices.serial.stepper_axis import on_pseudo_terminal
+from cutenv.rig.devices.serial.board_drivers import on_pseudo_terminal
 from cutenv.rig.errors import RigError
 from cutenv.rig_drivers.framed_sensor import (
     FramedSensor,
@@ -63,7 +64,9 @@ def x25_crc(data: bytes) -> int:
 
 
 def bota_frame(frame: bytes) -> SensorFrame:
-    """Parse a frame of the stream; its CRC is over all between header and CRC.
+    """Parse a frame of the stream.
+
+    Its CRC is over all between header and CRC.
 
     Raises
     ------

@@ -1,4 +1,7 @@
-"""Six-axis force sensor on a serial port: frames by header and CRC, in step; reader thread, order of readings, tare."""
+"""Six-axis force sensor on a serial port.
+
+Frames by header and CRC, in step; reader thread, order of readings, tare.
+"""
 
 from __future__ import annotations
 
@@ -35,11 +38,17 @@ def crc16(data: bytes, table: tuple[int, ...]) -> int:
 
 
 class FrameError(ValueError):
-    """Error for bytes that are no sound frame; the message names the fault."""
+    """Error for bytes that are no sound frame.
+
+    The message names the fault.
+    """
 
 
 class SensorFrame(NamedTuple):
-    """Reading in a frame: six counts, status (0: healthy), and the sensor's own time [us], -1 where it sends none."""
+    """Reading in a frame.
+
+    Six counts, status (0: healthy), and the sensor's own time [us], -1 where it sends none.
+    """
 
     counts: tuple[int, int, int, int, int, int]
     status: int
@@ -47,7 +56,10 @@ class SensorFrame(NamedTuple):
 
 
 class FrameFormat(NamedTuple):
-    """Format of frames: first bytes, size, and the function that parses a frame or raises :class:`FrameError`."""
+    """Format of frames.
+
+    First bytes, size, and the function that parses a frame or raises :class:`FrameError`.
+    """
 
     header: bytes
     size: int
@@ -112,7 +124,10 @@ _STAMPS = 2**32  # times of a sensor are counted modulo this [us]
 
 
 class FramedProtocol(Protocol):
-    """Protocol of one maker's sensor: its frames, and how their stream begins and ends."""
+    """Protocol of one maker's sensor.
+
+    Its frames, and how their stream begins and ends.
+    """
 
     name: str
     """Name of the sensor, for messages."""
@@ -126,7 +141,9 @@ class FramedProtocol(Protocol):
     """Torque of a count [N m]."""
 
     def begin(self, line: SensorLine, rate: float) -> dict[str, float | str]:
-        """Identify the sensor and start its stream at ``rate`` [Hz]; return what it says about itself.
+        """Identify the sensor and start its stream at ``rate`` [Hz].
+
+        Return what it says about itself.
 
         Raises RigError, with the cure, if it does not answer.
         """

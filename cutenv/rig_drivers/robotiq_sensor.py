@@ -1,4 +1,6 @@
-"""Driver "robotiq" of a force sensor: Robotiq FT 300 and FT 300-S, by their stream of 100 readings a second.
+"""Driver "robotiq" of a force sensor.
+
+Robotiq FT 300 and FT 300-S, by their stream of 100 readings a second.
 
 Source: Robotiq's manual of the FT 300, "Control over USB and RS-485" (registers 410, 500, 510; stream of 16 bytes), and
 the driver that Robotiq published for ROS, ``robotiq_ft_sensor``. The stream has no number and no status: a reading that
@@ -11,10 +13,9 @@ import struct
 from dataclasses import dataclass
 
 from cutenv._base.validation import check_parameters
-from cutenv.rig.config.setting import setting
-from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.config.settings import RigSettings, setting
 from cutenv.rig.devices.driver_registry import Mounting, rig_driver
-from cutenv.rig.devices.serial.stepper_axis import on_pseudo_terminal
+from cutenv.rig.devices.serial.board_drivers import on_pseudo_terminal
 from cutenv.rig.errors import RigError
 from cutenv.rig_drivers.framed_sensor import (
     FramedSensor,

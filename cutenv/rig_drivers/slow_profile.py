@@ -1,14 +1,15 @@
-"""Profile of a slow rig: a stepper and a load cell on a board, with limits that fit its sensor and its speed."""
+"""Profile of a slow rig.
+
+A stepper and a load cell on a board, with limits that fit its sensor and its speed.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from cutenv.rig.config.axes import Axis
-from cutenv.rig.config.settings import Bus, RigSettings, SafetyLimits, SensorSettings
-from cutenv.rig.devices.serial.load_cell import LoadCellOptions
-from cutenv.rig.devices.serial.stepper_axis import BOARD_PERIOD, StepperOptions
-from cutenv.rig_drivers.grbl import REPORT_PERIOD, GrblOptions
+from cutenv.rig.config.settings import Axis, Bus, RigSettings, SafetyLimits, SensorSettings
+from cutenv.rig.devices.serial.board_drivers import BOARD_PERIOD, LoadCellOptions, StepperOptions
+from cutenv.rig_drivers.grbl_axis import REPORT_PERIOD, GrblOptions
 
 SCREW_STEPS = 3200
 """Steps for one turn of a motor of 200 steps with 16 microsteps: choice."""
@@ -41,7 +42,9 @@ def slow_limits(rate: float) -> SafetyLimits:
 
 
 def slow_settings(port: str, *, converter: str = "hx711", name: str = "slow rig") -> RigSettings:
-    """Return the settings of a rig on one board; ``port`` is its serial port.
+    """Return the settings of a rig on one board.
+
+    ``port`` is its serial port.
 
     Counts per newton are those of a typical cell, and have to be measured.
     """

@@ -1,8 +1,8 @@
 """One score for people, scripts, agents and rigs, from what a rig can measure."""
 
-from cutenv.scoring import cut_metrics, map_metrics  # noqa: F401  they enter their metrics
+from cutenv.scoring import cut_metrics  # noqa: F401  they enter their metrics
 from cutenv.scoring.cut_map import DepthMap, PathMap
-from cutenv.scoring.metric import INVARIANCES, MAP_METRICS, METRICS, Metric, all_metrics
+from cutenv.scoring.cut_metrics import INVARIANCES, MAP_METRICS, METRICS, Metric, all_metrics
 from cutenv.scoring.points import ScorePoints
 from cutenv.scoring.reference import ReferenceSet
 from cutenv.scoring.score_card import ScoreCard, Scored, score

@@ -1,4 +1,7 @@
-"""Maps of a whole cut at each point that the tip has passed: depth of its floor, or distance to a drawn line."""
+"""Maps of a whole cut: depth, or distance to a line.
+
+They have a value at each point that the tip has passed.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,9 @@ LINE_KEY = "line_m"
 
 
 class CutMap(ABC):
-    """Map of a cut every 0.5 mm from the clamp to the tip, with what the task charges for it and what a success lacks.
+    """Map of a cut, with charges and what a success lacks.
+
+    It has a value every 0.5 mm from the clamp to the tip.
 
     Attributes
     ----------

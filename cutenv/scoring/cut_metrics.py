@@ -1,24 +1,135 @@
-"""Metrics of force, motion and outcome of a cut.
+"""Metrics of a cut.
+
+Force, motion, outcome, and the map of a cut.
+
+Each is a pure function of one cut, with unit, direction, formula, source and validity.
 
 Steadiness of the force leads; the peak is only a safety limit.  Smoothness of the motion is reported and never
 rewarded: a perfect constant feed scores badly on it.  Outcome is distance from the target, unstable growth, work.
+
+Those of the map are depth beside a wanted depth and the layer below, or distance to a drawn line, and forces. A record
+with the height of the blade has those of the depth, and one with a measured depth beside a wanted one. A record with
+the places of the blade has those of the path, beside a line.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cutenv import task_quantities
 from cutenv._base.arrays import Array
+from cutenv._base.validation import one_of
 from cutenv.measurement.strokes import STANDSTILL_SPEED, strokes, turning_points
-from cutenv.scoring.metric import metric
 from cutenv.scoring.scored_cut import ScoredCut
 from cutenv.scoring.validity import BANDWIDTH, RATE, Unavailable, even_instants
 from cutenv.task_quantities import DECELERATION, TIP_TOLERANCE, force_per_depth
+from cutenv.tissue.grid import SPACING
+
+Direction = Literal["lower", "higher", "none"]
+Invariance = Literal["time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"]
+
+INVARIANCES: dict[Invariance, str] = {
+    "time_shift": "the clock may start anywhere",
+    "force_scale": "the force may be normalised by any number",
+    "force_offset": "a sensor's zero does not matter",
+    "resampling": "the rate of readings does not matter, from 200 Hz on, within 5 %",
+    "rest_after": "a second of rest in the unloaded tissue after the cut adds nothing, within 2 %",
+    "units": "doubling a cut's force and depth and the slab's thickness together changes nothing",
+}
+"""Invariances that a metric may promise; each has one test for all metrics that do."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Metric:
+    """One metric of a cut.
+
+    Attributes
+    ----------
+    name : str
+        Name of the metric; ``*_error`` is best at zero.
+    unit : str
+        "1" for a pure number; "F" stands for the force unit of the record.
+    direction : {"lower", "higher", "none"}
+        Direction that is better; "none": reported and never rewarded.
+    meaning, formula, source, validity : str
+        Description, formula, source, and range of validity.
+    needs : tuple of str
+        Required fields of the trace beside time and force, and "newtons", "target_length", "tip".
+    invariances : tuple of str
+        Names in :data:`INVARIANCES`.
+    function : callable
+        Function from a :class:`~cutenv.scoring.scored_cut.ScoredCut` to a float; raises :class:`Unavailable`.
+    """
+
+    name: str
+    unit: str
+    direction: Direction
+    meaning: str
+    formula: str
+    source: str
+    validity: str
+    function: Callable[[ScoredCut], float]
+    needs: tuple[str, ...] = ()
+    invariances: tuple[Invariance, ...] = ()
+
+    def __post_init__(self) -> None:
+        one_of("direction", self.direction, get_args(Direction))
+        for each in self.invariances:
+            one_of("invariance", each, INVARIANCES)
+
+
+METRICS: dict[str, Metric] = {}
+"""Metrics of every record by name, in the order of the score card."""
+MAP_METRICS: dict[str, dict[str, Metric]] = {"depth": {}, "path": {}}
+"""Metrics that a record of a task adds, which has a map of the cut, by the task; in the order of the score card."""
+FORCE_WEIGHTS: Mapping[str, float] = {
+    "force_rate": 0.30,
+    "force_jerk": 0.20,
+    "force_drops": 0.20,  # tissue that tears lets go of the blade
+    "mean_force_drop": 0.15,
+    "force_variation": 0.15,
+}
+"""Weights of the leading metrics' percentiles for a record without tip or target; they sum to 1.
+
+They are a choice that follows research on force-based assessment: steadiness of the force leads, the peak force is only
+a safety limit, and smoothness of the motion is reported but not scored.
+"""
+
+
+def metric(
+    unit: str, direction: Direction, *, among: dict[str, Metric] = METRICS, **about: Any
+) -> Callable[[Callable[[ScoredCut], float]], Callable[[ScoredCut], float]]:
+    """Register a function of a cut in :data:`METRICS` by its name.
+
+    Its docstring's first line is the meaning.
+
+    ``among`` is one of :data:`MAP_METRICS` for a metric of a map; ``about`` are the other fields of a :class:`Metric`.
+    """
+
+    def enter(function: Callable[[ScoredCut], float]) -> Callable[[ScoredCut], float]:
+        name, meaning = function.__name__, (function.__doc__ or "").strip().partition("\n")[0]
+        among[name] = Metric(name=name, unit=unit, direction=direction, meaning=meaning, function=function, **about)
+        return function
+
+    return enter
+
+
+def metric_named(name: str) -> Metric:
+    """Return a metric of any record by its name."""
+    return all_metrics()[name]
+
+
+def all_metrics() -> dict[str, Metric]:
+    """Return the metrics of every record and of every task, by name in the order of the score card."""
+    return {name: each for metrics in (METRICS, *MAP_METRICS.values()) for name, each in metrics.items()}
+
 
 _ALL = "any record; where position is known, while the blade advances"
 _PER_DEPTH = ("depth", "newtons")
@@ -394,3 +505,103 @@ def work_over_fracture(cut: ScoredCut) -> float:
         raise Unavailable("less than 1 mm2 was cut")
     R = cut.tissue.fracture_resistance if cut.truth is None else cut.truth.resistance
     return work / (R * area)
+
+
+_FLOOR: dict[str, Any] = {
+    "among": MAP_METRICS["depth"],
+    "validity": "floor as known: truth; with height, that of mean tissue under this blade; else the recorded depth",
+    "needs": ("position", "depth", "newtons", "tip"),
+    "invariances": ("time_shift",),
+}
+_PATH: dict[str, Any] = {
+    "among": MAP_METRICS["path"],
+    "validity": "cut as known: truth; else that of mean tissue behind this blade",
+    "needs": ("position", "tip"),
+    "invariances": ("time_shift",),
+}
+_FORCE: dict[str, Any] = {
+    "source": "limit of a rig",
+    "validity": "any record with it",
+    "invariances": ("time_shift",),
+}
+_DEPTH_TASK, _PATH_TASK = "cost of the task along a wanted depth", "cost of the task along a drawn line"
+
+
+@metric("m", "lower", formula="integral of abs(D - D_wanted) da / L", source=_DEPTH_TASK, **_FLOOR)
+def mean_depth_error(cut: ScoredCut) -> float:
+    """Mean distance of the floor of the cut from the wanted depth, over the target length."""
+    return cut.depth_map.mean_error(cut.length)
+
+
+@metric("m", "lower", formula="root of the mean over the cut of (D - D_wanted)^2", source="ours", **_FLOOR)
+def rms_depth_error(cut: ScoredCut) -> float:
+    """Root mean square distance of the floor of the cut from the wanted depth."""
+    return float(np.sqrt(np.mean(cut.depth_map.error**2)))
+
+
+@metric("m", "lower", formula="max of abs(D - D_wanted)", source="ours", **_FLOOR)
+def largest_depth_error(cut: ScoredCut) -> float:
+    """Largest distance of the floor of the cut from the wanted depth."""
+    return float(np.abs(cut.depth_map.error).max())
+
+
+@metric("m2", "lower", formula="integral of max(D - D_wanted, 0) da", source=_DEPTH_TASK, **_FLOOR)
+def too_deep_area(cut: ScoredCut) -> float:
+    """Area cut below the wanted depth."""
+    return cut.depth_map.deep
+
+
+@metric("m2", "lower", formula="integral of max(D_wanted - D, 0) da", source=_DEPTH_TASK, **_FLOOR)
+def uncut_area(cut: ScoredCut) -> float:
+    """Area left uncut above the wanted depth, behind the tip."""
+    return cut.depth_map.uncut
+
+
+@metric("m2", "lower", formula="integral of max(D - D_layer, 0) da", source=_DEPTH_TASK, **_FLOOR)
+def layer_area(cut: ScoredCut) -> float:
+    """Area opened in the layer below."""
+    return SPACING * float(cut.depth_map.opened.sum())
+
+
+@metric("m", "lower", formula="max of D - D_layer, or 0", source=_DEPTH_TASK, **_FLOOR)
+def layer_depth(cut: ScoredCut) -> float:
+    """Largest depth into the layer below."""
+    return float(cut.depth_map.opened.max())
+
+
+@metric("F", "lower", formula="max V, upwards on the blade", among=MAP_METRICS["depth"], **_FORCE)
+def peak_vertical_force(cut: ScoredCut) -> float:
+    """Largest force with which the blade pressed down on the tissue."""
+    return max(float(_usable(cut, cut.trace.vertical_force, "vertical").max()), 0.0)
+
+
+@metric("m", "lower", formula="integral of abs(d) da / L", source=_PATH_TASK, **_PATH)
+def mean_line_distance(cut: ScoredCut) -> float:
+    """Mean distance between cut and line, over the target length."""
+    return cut.path_map.mean_distance(cut.length)
+
+
+@metric("m", "lower", formula="max of abs(d)", source=_PATH_TASK, **_PATH)
+def largest_line_distance(cut: ScoredCut) -> float:
+    """Largest distance between cut and line."""
+    return cut.path_map.farthest
+
+
+@metric("m2", "lower", formula="integral of abs(d) (1 - curvature d / 2) da", source=_PATH_TASK, **_PATH)
+def line_area(cut: ScoredCut) -> float:
+    """Area between cut and line."""
+    return cut.path_map.area
+
+
+@metric("F", "lower", formula="max abs(lateral force)", among=MAP_METRICS["path"], **_FORCE)
+def peak_lateral_force(cut: ScoredCut) -> float:
+    """Largest force across the blade, to either side."""
+    return float(abs(_usable(cut, cut.trace.lateral_force, "lateral")).max())
+
+
+def _usable(cut: ScoredCut, force: Array | None, name: str) -> Array:
+    if cut.spoiled:
+        raise Unavailable(cut.spoiled)
+    if force is None:
+        raise Unavailable(f"{name} force was not recorded")
+    return force

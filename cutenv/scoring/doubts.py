@@ -1,4 +1,7 @@
-"""Doubts about a record: what it claims and does not show, or what can hardly be true; each is a note on the card."""
+"""Doubts about a record.
+
+They are about what it claims and does not show, or what can hardly be true; each is a note on the card.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +10,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from cutenv.measurement.strokes import END_SPEED, END_WINDOW
-from cutenv.scoring.lurches import LURCH_SPEED, Lurches
 from cutenv.scoring.scored_cut import ScoredCut
-from cutenv.scoring.validity import Unavailable
+from cutenv.scoring.validity import LURCH_SPEED, Lurches, Unavailable
 from cutenv.task_quantities import TIP_TOLERANCE, tip_error
 
 DOUBT = "doubtful"

@@ -1,4 +1,7 @@
-"""ScorePoints of a cut, part by part; the overall score is their sum, up to 100."""
+"""ScorePoints of a cut, part by part.
+
+The overall score is their sum, up to 100.
+"""
 
 from __future__ import annotations
 
@@ -245,7 +248,9 @@ def outcome_of(cut: ScoredCut, metrics: Mapping[str, float]) -> str:
 
 
 def beyond_limit(cut: ScoredCut, metrics: Mapping[str, float]) -> str:
-    """Return which limit of the task was exceeded, in words; "" if none was.
+    """Return which limit of the task was exceeded, in words.
+
+    "" if none was.
 
     Raises
     ------

@@ -1,4 +1,7 @@
-"""All that can be wrong with a record of force, by name: what is seen, where, how sure, and the cure."""
+"""All that can be wrong with a record of force.
+
+Each fault has a name: what is seen, where, how sure, and the cure.
+"""
 
 from __future__ import annotations
 

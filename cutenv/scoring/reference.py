@@ -1,4 +1,7 @@
-"""Reference sets: many scored cuts of known origin, among which a cut's metrics are ranked as percentiles."""
+"""Reference sets.
+
+Many scored cuts of known origin, among which a cut's metrics are ranked as percentiles.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ import numpy as np
 from cutenv._base.arrays import Array
 from cutenv._base.resources import path as resource
 from cutenv._base.validation import one_of
-from cutenv.scoring.metric import METRICS
+from cutenv.scoring.cut_metrics import METRICS
 from cutenv.trace import Trace
 
 REFERENCE_SCHEMA = "cutenv-reference/1"
@@ -128,7 +131,9 @@ class ReferenceSet:
 
 
 def fitting_reference(reference: ReferenceSet | None, trace: Trace) -> ReferenceSet | None:
-    """Return the reference set for a record; None if its force is in another unit and cannot be compared.
+    """Return the reference set for a record.
+
+    It is None if its force is in another unit and cannot be compared.
 
     A record of force alone is compared with the set for such records.
     """

@@ -1,4 +1,7 @@
-"""Score card of one cut: all metrics, what they rest on, what is doubtful, and percentiles in a reference set."""
+"""Score card of one cut.
+
+All metrics, what they rest on, what is doubtful, and percentiles in a reference set.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +17,8 @@ from typing import TypeVar
 from cutenv.measurement import DepthProfile
 from cutenv.measurement.depth import LAYER_DEPTH_KEY, WANTED_DEPTH_KEY, depth_sd, wanted_depth
 from cutenv.scoring.cut_map import LINE_KEY, DepthMap, PathMap
+from cutenv.scoring.cut_metrics import FORCE_WEIGHTS, MAP_METRICS, METRICS, Metric, metric_named
 from cutenv.scoring.doubts import doubts_of, taken_for_a_drive
-from cutenv.scoring.metric import FORCE_WEIGHTS, MAP_METRICS, METRICS, Metric, metric_named
 from cutenv.scoring.points import ScorePoints, outcome_of, task_points
 from cutenv.scoring.reference import ReferenceSet
 from cutenv.scoring.scored_cut import ScoredCut
@@ -23,7 +26,7 @@ from cutenv.scoring.technique import TechniqueFault, technique_faults
 from cutenv.scoring.truth import ASIDE_AT_END, FLOOR_AT_END, TIP_AT_END, Truth
 from cutenv.scoring.validity import Unavailable, validity_warnings, without_spikes
 from cutenv.tissue import TissueDescription, measured_liver
-from cutenv.tissue.expected_cut import along_line
+from cutenv.tissue.drawn_lines import along_line
 from cutenv.tissue.lines import CutLine, through
 from cutenv.trace import Trace
 
@@ -43,7 +46,10 @@ def whole_score(score: float) -> int:
 
 @dataclass(frozen=True, kw_only=True)
 class Scored:
-    """One metric of a cut: its value, or the reason why there is none; and its percentile, given a reference set."""
+    """One metric of a cut.
+
+    Its value, or the reason why there is none; and its percentile, given a reference set.
+    """
 
     value: float | None
     unavailable: str = ""

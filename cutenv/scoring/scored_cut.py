@@ -1,4 +1,7 @@
-"""A cut prepared for the metrics: record, target, crack tip, and the force at a fixed rate; all computed lazily."""
+"""A cut prepared for the metrics.
+
+Record, target, crack tip, and the force at a fixed rate; all computed lazily.
+"""
 
 from __future__ import annotations
 
@@ -15,9 +18,9 @@ from cutenv.measurement.depth import with_blade_depth
 from cutenv.measurement.loading_ratio import loading_ratio
 from cutenv.measurement.strokes import STANDSTILL_SPEED
 from cutenv.scoring.cut_map import CutMap, DepthMap, PathMap
-from cutenv.scoring.lurches import Lurches, lurches_of, smoothed_motion
 from cutenv.scoring.truth import ASIDE_AT_END, FLOOR_AT_END, Truth, checked_aside, checked_floor, noted_tip
 from cutenv.scoring.validity import (
+    Lurches,
     Unavailable,
     even_centres,
     even_instants,
@@ -27,17 +30,19 @@ from cutenv.scoring.validity import (
     implausible_work,
     is_truncated,
     levelled,
+    lurches_of,
     never_loaded,
     noisy,
     noted_ahead,
     smoothed,
+    smoothed_motion,
     under_force,
     unseen,
 )
 from cutenv.task_quantities import SHALLOWEST
 from cutenv.tissue import CutModel, TissueDescription, measured_liver
 from cutenv.tissue.crack_tip import ASSESSED_TIP, ESTIMATED_EVERY, MeanTissue, assess_tips, believe_mean
-from cutenv.tissue.expected_cut import expected_cut
+from cutenv.tissue.drawn_lines import expected_cut
 from cutenv.tissue.floor import FLOOR_EVERY, BladePath, expected_floor
 from cutenv.tissue.grid import N_POINTS, SPACING
 from cutenv.tissue.lines import CutLine
@@ -486,7 +491,9 @@ class ScoredCut:
 
     @cached_property
     def own_modulus(self) -> float | None:
-        """Modulus of the material from the cut's own loading ramps [Pa]; None if fewer than three are steady.
+        """Modulus of the material from the cut's own loading ramps [Pa].
+
+        It is None if fewer than three are steady.
 
         Livers differ by a third. Calibrated tissue is used with its calibrated modulus.
         """

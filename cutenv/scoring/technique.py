@@ -1,4 +1,7 @@
-"""Feedback on technique: sentences about measured faults of a cut, with position and advice."""
+"""Feedback on technique.
+
+Sentences about measured faults of a cut, with position and advice.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hidden state of a simulated cut, and where a record's metadata note it."""
+"""Hidden state of a simulated cut, in a record's metadata."""
 
 from __future__ import annotations
 

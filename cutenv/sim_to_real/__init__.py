@@ -1,6 +1,8 @@
-"""Sim-to-real comparison of a policy on a rig and in the simulator: paired differences, curves, the control clock."""
+"""Sim-to-real comparison of a policy on rig and simulator.
 
-from cutenv.sim_to_real.control_clock import ClockKept
+It has paired differences, curves and the control clock.
+"""
+
 from cutenv.sim_to_real.equivalence import (
     FEWEST_SPECIMENS,
     Agreement,
@@ -12,7 +14,15 @@ from cutenv.sim_to_real.equivalence import (
     mean_shift,
     signed_rank_shift,
 )
-from cutenv.sim_to_real.measures import MEASURES, ComparedCut, Measure, force_over_position, force_rmse, position_rmse
+from cutenv.sim_to_real.measures import (
+    MEASURES,
+    ClockKept,
+    ComparedCut,
+    Measure,
+    force_over_position,
+    force_rmse,
+    position_rmse,
+)
 
 __all__ = [
     "FEWEST_SPECIMENS",

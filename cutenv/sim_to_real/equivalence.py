@@ -1,4 +1,6 @@
-"""Equivalence test of rig and simulator for one policy: all measures, and the verdict over all of them.
+"""Equivalence test of rig and simulator for one policy.
+
+All measures, and the verdict over all of them.
 
 Of the shift between rig and simulator, with its interval, two hypotheses are tested.  Is the shift *within* a
 margin (equivalence: two one-sided tests)?  Is it *beyond* the margin?  Both can be open.

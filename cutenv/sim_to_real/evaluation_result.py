@@ -1,4 +1,7 @@
-"""Evaluation of a policy on a rig beside the simulator, as text, JSON and page: verdict, differences, control clock."""
+"""Evaluation of a policy on a rig beside the simulator.
+
+It is text, JSON and page: verdict, differences, control clock.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ import numpy as np
 
 from cutenv._base.unit_table import shown_unit
 from cutenv.report.page import PHONE_WIDTH, label, new_figure, number, plain_axes, spoken, write_page
-from cutenv.report.study_table import three_digits, typeset
+from cutenv.report.study_page import three_digits, typeset
 from cutenv.sim_to_real import Agreement, ClockKept, ComparedCut, Finding, force_over_position, force_rmse
 
 if TYPE_CHECKING:

@@ -1,4 +1,7 @@
-"""Comparison of one policy on the same specimens in the simulator and on a rig, recorded and assessed alike."""
+"""Comparison of one policy in the simulator and on a rig.
+
+It cuts the same specimens, recorded and assessed alike.
+"""
 
 from __future__ import annotations
 
@@ -22,9 +25,9 @@ from cutenv.rig.errors import RigError
 from cutenv.rig.operation.suitability import simulator_keywords
 from cutenv.rig.safety.stop_causes import ENDS_SESSION, Cause
 from cutenv.sim_to_real import FEWEST_SPECIMENS, Agreement, ClockKept, ComparedCut
-from cutenv.sim_to_real.identification.experiment import LOST_TIME
+from cutenv.sim_to_real.identification import LOST_TIME
 from cutenv.sim_to_real.specimen_twin import fit_twin, held_out
-from cutenv.task.episode_dtypes import STOPPED
+from cutenv.task.reward import STOPPED
 from cutenv.tissue.description import measured_liver
 from cutenv.tissue.specimen import Specimen
 
@@ -248,7 +251,9 @@ def cut_on_rig(
     specimen: Specimen | None = None,
     told: ProgressCallback | None = None,
 ) -> tuple[list[ComparedCut], ClockKept, list[str]]:
-    """Cut every specimen once; again, up to four times, if the rig was stopped by a delay of the computer.
+    """Cut every specimen once.
+
+    Again, up to four times, if the rig was stopped by a delay of the computer.
 
     Returns
     -------
@@ -279,7 +284,9 @@ def cut_on_rig(
 def cut_again(
     env: RigCutEnv, policy: Policy, between: list[str], *, seed: int, episode: int, **laid: Any
 ) -> ComparedCut | None:
-    """Cut one specimen; again, up to four times, if the rig was stopped by a delay of the computer.
+    """Cut one specimen.
+
+    Again, up to four times, if the rig was stopped by a delay of the computer.
 
     Parameters
     ----------

@@ -1,4 +1,6 @@
-"""Twin of a specimen that was cut on a rig: the tissue that the first half of its record tells of, and what is open.
+"""Twin of a specimen that was cut on a rig.
+
+The tissue that the first half of its record tells of, and what is open.
 
 The specimens of a lab are unknown to the simulator. The first half of a record tells their moduli, fracture resistance
 and friction there; how far that reaches into the second half follows from the correlation length of the tissue. What it
@@ -21,8 +23,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from cutenv._base.arrays import Array
-from cutenv.cutting.dtypes import TICK
-from cutenv.cutting.parameters import LawParameters
+from cutenv.cutting.dtypes import TICK, LawParameters
 from cutenv.plant import ReplayPlant, SimulatedPlant
 from cutenv.plant.simulator import ANGLE_RANGE
 from cutenv.tissue.description import TissueDescription

@@ -1,1 +1,4 @@
-"""The task: gentle cutting, its rewards, its ends and its observation."""
+"""The task.
+
+Gentle cutting, its rewards, its ends and its observation.
+"""

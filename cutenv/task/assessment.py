@@ -1,4 +1,6 @@
-"""Assessment of a cut, every millisecond so that nothing is missed between decisions: reward, ends, observation, info.
+"""Assessment of a cut: reward, ends, observation, info.
+
+It is done every millisecond, so that nothing is missed between decisions.
 
 The functions that do it are put together from the declarations of :mod:`cutenv.task.reward`,
 :mod:`cutenv.task.observation` and :mod:`cutenv.task.info`.
@@ -13,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cutenv._base.arrays import Struct, StructArray
-from cutenv._engine.fuse import expression, fuse
+from cutenv._engine.declared import expression, fuse
 from cutenv._engine.intrinsics import first_row
 from cutenv._engine.jit import njit, njit_fused, njit_inline
 from cutenv._engine.randomness import Integer
@@ -263,7 +265,7 @@ def conclude(stepping: Any, k: Integer, action: StructArray, observation: Struct
     ----------
     stepping, k : Stepping, int
         Row of cuts (:class:`cutenv.task.declare.Stepping`), and the lane;
-        :data:`~cutenv.task.episode_dtypes.PROGRESS` of its cut is changed.
+        :data:`~cutenv.task.reward.PROGRESS` of its cut is changed.
     action : array, shape (2,)
         The step's action.
     observation, info : array of shape (12,), Record

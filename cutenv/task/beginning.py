@@ -1,4 +1,7 @@
-"""Reset of episodes, compiled: specimen, target length and the lab's prior knowledge, all from one random key."""
+"""Reset of episodes, compiled.
+
+Specimen, target length and the lab's prior knowledge, all from one random key.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +13,8 @@ import numpy as np
 from cutenv._base.arrays import Array, Struct, StructArray
 from cutenv._engine.declared import compiled_for
 from cutenv._engine.jit import njit, njit_internal, njit_nogil
+from cutenv._engine.parallel import WorkQueue, mark_done, next_chunk
 from cutenv._engine.randomness import DEPTH_ERROR, LENGTH_DRAW, TASK, Integer, uniform_at
-from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
 from cutenv.task.assessment import COUNT_ONE, observe_rest
 from cutenv.task.declare import Cuts, OneCut, Task
 from cutenv.task.stepper import batch_of_one
@@ -96,7 +99,7 @@ class Drawing(NamedTuple):
     """Spread [m], greatest depth [m] and modes of :func:`cutenv.tissue.specimen.vary_surface`; spread 0: every drawn
     specimen has the mean surface."""
     worn: Array
-    """Fracture resistance over that of a new blade, :meth:`cutenv.tissue.blade_wear.BladeWear.factors`, shape (301,); a
+    """Fracture resistance over that of a new blade, :meth:`cutenv.tissue.specimen.BladeWear.factors`, shape (301,); a
     given specimen has it already."""
 
 

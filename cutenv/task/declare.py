@@ -1,4 +1,6 @@
-"""Declaration of a task: what it adds to gentle cutting, in one object from which everything else is made.
+"""Declaration of a task.
+
+It says what the task adds to gentle cutting, in one object from which everything else is made.
 
 Every task is gentle cutting, declared in :mod:`cutenv.task.reward`, :mod:`cutenv.task.observation` and
 :mod:`cutenv.task.info`, of a blade with some motion.  A :class:`Task` adds an action axis, components of the
@@ -18,18 +20,16 @@ import numpy as np
 
 from cutenv import task_quantities
 from cutenv._base.arrays import Array, Struct, StructArray
-from cutenv._engine.declared import Declaration, compiled_for
-from cutenv._engine.fuse import Formula, expression, fuse
+from cutenv._engine.declared import Declaration, Formula, compiled_for, expression, fuse
 from cutenv._engine.jit import njit, njit_fused, njit_inline, njit_internal
 from cutenv.cutting.dtypes import DRIVE, LAW, PROFILE, STATE
 from cutenv.cutting.motion import NOTHING, STRAIGHT, Motion, Moving
 from cutenv.cutting.row import Plain
 from cutenv.cutting.sensor import SENSOR, WRAP
 from cutenv.task.assessment import COUNT_ONE
-from cutenv.task.episode_dtypes import PROGRESS, SPECIMEN, TASK
 from cutenv.task.info import INFO
 from cutenv.task.observation import CLIP, COMPONENTS, DEAD_ZONE, Component
-from cutenv.task.reward import ENDS, TERMS
+from cutenv.task.reward import ENDS, PROGRESS, SPECIMEN, TASK, TERMS
 from cutenv.task_quantities import WholeCutTerm
 from cutenv.tissue.crack_tip import ASSESSED_TIP
 
@@ -164,7 +164,9 @@ class CutNumber:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Task(Declaration):
-    """Declaration of a task; its hooks are compiled by :func:`~cutenv._engine.jit.njit_inline`, or for kernels.
+    """Declaration of a task.
+
+    Its hooks are compiled by :func:`~cutenv._engine.jit.njit_inline`, or for kernels.
 
     A hook that is None is not called.
 
@@ -408,3 +410,7 @@ def settings_record(dtype: np.dtype[Any], constants: Any) -> StructArray:
     for name in type(constants).__dataclass_fields__:
         record[name] = getattr(constants, name)
     return record
+
+
+GENTLE_CUT = Task(place=f"{__name__}:GENTLE_CUT", environment="cutenv/GentleCut-v1")
+"""Gentle cutting to a target length."""

@@ -1,4 +1,6 @@
-"""The task of ``cutenv/DepthCut-v1``: cut along a wanted depth, without opening the layer below.
+"""The task of ``cutenv/DepthCut-v1``.
+
+Cut along a wanted depth, without opening the layer below.
 
 A rig sees neither tip nor floor.  The tip is estimated from the force, with the stiffness of the mean tissue at the
 depth to which the blade is engaged; the floor is that which the mean tissue would have under this blade
@@ -46,8 +48,8 @@ from cutenv.task.declare import (
 )
 from cutenv.task.episode import Episode, Goal, ShownDepth, TaskOptions
 from cutenv.task.observation import COMPONENTS, SPEED_SCALE, Component, speed_action, to_action
+from cutenv.task.reward import with_weights
 from cutenv.task.wanted_depth import AT_LEVEL, WANTED_KINDS, draw_layer, draw_wanted
-from cutenv.task.weights import with_weights
 from cutenv.task_quantities import (
     DEPTH_COSTS,
     DEPTH_TOLERANCE,
@@ -91,7 +93,10 @@ DEPTH_COMPONENTS = (
 @with_weights(DEPTH_COSTS)
 @dataclass(frozen=True, kw_only=True)
 class DepthConstants:
-    """Constants of the depth: weights of its costs, limit of the layer, sensor of the vertical force."""
+    """Constants of the depth.
+
+    Weights of its costs, limit of the layer, sensor of the vertical force.
+    """
 
     layer_limit: float = parameter(
         LAYER_LIMIT, unit="m", low=0.0001, high=0.03, provenance="choice",
@@ -618,7 +623,10 @@ def depth_shown(descent: Struct, depth: Struct) -> ShownDepth:
 
 
 class DepthEpisode(Episode):
-    """An episode along a wanted depth; its floor is the true one, or that which a rig expects."""
+    """An episode along a wanted depth.
+
+    Its floor is the true one, or that which a rig expects.
+    """
 
     options: DepthOptions
     _level_before = 0.0

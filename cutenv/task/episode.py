@@ -1,4 +1,7 @@
-"""One episode of a task on any plant: actions in; observation, reward terms and end out."""
+"""One episode of a task on any plant.
+
+Actions in; observation, reward terms and end out.
+"""
 
 from __future__ import annotations
 
@@ -15,13 +18,11 @@ from cutenv.cutting.simulate import Physics
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.task.assessment import charge_end
 from cutenv.task.beginning import begin_at, begin_one, drawn_length, expect, expect_one
-from cutenv.task.declare import WAYS, Cuts, OneCut, Task, command_of
-from cutenv.task.gentle import GENTLE_CUT
+from cutenv.task.declare import GENTLE_CUT, WAYS, Cuts, OneCut, Task, command_of
 from cutenv.task.info import COST, GROUPS, OUT_OF_RANGE, PLACES, WHOLE_NUMBERS
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, commanded_speed
-from cutenv.task.reward import ENDS, STOPPED, TERMS
+from cutenv.task.reward import ENDS, STOPPED, TERMS, Limits, RewardWeights, task_record
 from cutenv.task.stepper import assess_readings, observe_one, step_one, tell_one
-from cutenv.task.weights import Limits, RewardWeights, task_record
 from cutenv.tissue.crack_tip import believe_mean
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.specimen import Specimen, SurfaceSpread, nominal_tissue
@@ -65,7 +66,9 @@ class Goal:
 
 
 class TaskOptions:
-    """Options that a task adds to those of gentle cutting, taken from the keywords of an environment; here none.
+    """Options that a task adds to those of gentle cutting.
+
+    They are taken from the keywords of an environment; here there are none.
 
     Parameters
     ----------
@@ -122,7 +125,9 @@ class TaskOptions:
 
 
 class Episode:
-    """An episode of a task: cut gently from the clamp to a target length.
+    """An episode of a task.
+
+    Cut gently from the clamp to a target length.
 
     On a simulated plant each step is one compiled call, which stops where the cut ends.  On a rig the command goes out,
     the readings come in, and tip, runs and the whole cut are estimates.
@@ -249,7 +254,9 @@ class Episode:
     def assess(
         self, readings: StructArray, channels: dict[str, Array], ways: Array
     ) -> tuple[NDArray[np.float32], float]:
-        """Assess readings of a rig, and what is measured besides; return observation and reward.
+        """Assess readings of a rig, and what is measured besides.
+
+        Return observation and reward.
 
         ``channels`` are by field of a trace, each of shape (n,), and ``ways``, shape (n, WAYS), as the task's hooks
         take them.
@@ -477,7 +484,10 @@ def _fill(records: StructArray, record: StructArray | None) -> None:
 
 
 class ShownDepth(NamedTuple):
-    """Depth of a cut for a picture, above the plane to which a blade at level 0 cuts [m]; arrays of shape (301,)."""
+    """Depth of a cut for a picture [m].
+
+    It is above the plane to which a blade at level 0 cuts; arrays of shape (301,).
+    """
 
     level: float
     """Level of the blade's lower end."""
@@ -491,7 +501,10 @@ class ShownDepth(NamedTuple):
 
 
 class ShownPath(NamedTuple):
-    """Path of a cut for a picture: places along and across the slab, to the left [m]."""
+    """Path of a cut for a picture.
+
+    Places along and across the slab, to the left [m].
+    """
 
     line: Array
     """The line, every 0.5 mm, shape (301, 2)."""

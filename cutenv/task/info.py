@@ -1,4 +1,7 @@
-"""Fields of `info`: hidden state, energies, reward terms, cost. For people and tests, never for policies."""
+"""Fields of `info`.
+
+Hidden state, energies, reward terms, cost. For people and tests, never for policies.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cutenv._engine.fuse import Formula
+from cutenv._engine.declared import Formula
 from cutenv.cutting.law import (
     EnergyAccount,
     initiation_excess,  # used by a formula

@@ -1,4 +1,7 @@
-"""The observation: only quantities that a rig can know, each divided by a documented scale."""
+"""The observation.
+
+It has only quantities that a rig can know, each divided by a documented scale.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cutenv._base.arrays import Array, StructArray
 from cutenv._base.validation import in_range
-from cutenv._engine.fuse import Formula
+from cutenv._engine.declared import Formula
 from cutenv._engine.jit import njit, njit_internal
 
 T = TypeVar("T", float, Array)
@@ -37,7 +40,9 @@ the task; last action.  Those of a millisecond are in :data:`cutenv.task.reward.
 
 @dataclass(frozen=True, kw_only=True)
 class Component:
-    """One component of the observation: (value - offset) / scale, value in ``unit``.
+    """One component of the observation.
+
+    (value - offset) / scale, value in ``unit``.
 
     In its formulas ``total`` is what the milliseconds since the last decision add up to.
     """

@@ -1,4 +1,6 @@
-"""The task of ``cutenv/PathCut-v1``: cut along a drawn line, by a blade that is steered.
+"""The task of ``cutenv/PathCut-v1``.
+
+Cut along a drawn line, by a blade that is steered.
 
 A rig does not see the cut.  How far it has come along the line is estimated from the force along the blade, with the
 stiffness of the mean tissue; to the side it runs where a crack of that length would run in mean tissue behind this
@@ -52,14 +54,8 @@ from cutenv.task.declare import (
 )
 from cutenv.task.episode import Episode, Goal, ShownPath, TaskOptions
 from cutenv.task.observation import SPEED_SCALE, Component, speed_action, to_action
-from cutenv.task.weights import with_weights
-from cutenv.task_quantities import (
-    FARTHEST_TOLERANCE,
-    LINE_LIMIT,
-    LINE_TOLERANCE,
-    OF_PATH,
-    PATH_COSTS,
-)
+from cutenv.task.reward import with_weights
+from cutenv.task_quantities import FARTHEST_TOLERANCE, LINE_LIMIT, LINE_TOLERANCE, OF_PATH, PATH_COSTS
 from cutenv.tissue.crack_tip import ESTIMATED_EVERY
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.drawn_lines import (
@@ -115,7 +111,10 @@ PATH_COMPONENTS = (
 @with_weights(PATH_COSTS)
 @dataclass(frozen=True, kw_only=True)
 class PathConstants:
-    """Constants of the path: weights of its costs, limit of the distance, sensor of the lateral force."""
+    """Constants of the path.
+
+    Weights of its costs, limit of the distance, sensor of the lateral force.
+    """
 
     line_limit: float = parameter(
         LINE_LIMIT, unit="m", low=0.0005, high=0.03, provenance="choice",
@@ -725,7 +724,10 @@ class PathOptions(TaskOptions):
 
 
 class PathEpisode(Episode):
-    """An episode along a drawn line; its cut is the true one, or that which a rig expects."""
+    """An episode along a drawn line.
+
+    Its cut is the true one, or that which a rig expects.
+    """
 
     options: PathOptions
     _before = (0.0, 0.0)

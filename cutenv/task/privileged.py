@@ -1,4 +1,7 @@
-"""Privileged state for an asymmetric critic: the hidden state scaled to order 1; for training, never for a policy."""
+"""Privileged state for an asymmetric critic.
+
+The hidden state scaled to order 1; for training, never for a policy.
+"""
 
 from __future__ import annotations
 

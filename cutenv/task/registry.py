@@ -1,4 +1,6 @@
-"""Tasks by name: one entry for each, by which it is made, learned, scripted, played, shown and documented.
+"""Tasks by name.
+
+One entry for each, by which it is made, learned, scripted, played, shown and documented.
 
 An entry names objects by their places, and each is imported when it is first read.
 """
@@ -14,7 +16,10 @@ from cutenv._base.validation import one_of
 
 
 class ImportedField:
-    """Field of an entry that is given as a place, "package.module:NAME", and read as the object there; or given so."""
+    """Field of an entry that is imported when it is read.
+
+    It is given as a place, "package.module:NAME", and read as the object there; or given as the object.
+    """
 
     def __set_name__(self, owner: type, name: str) -> None:
         self._name = name
@@ -32,7 +37,10 @@ class ImportedField:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class RegisteredTask:
-    """One task, and all that the package knows of it; what is left out, the task has not."""
+    """One task, and all that the package knows of it.
+
+    What is left out, the task has not.
+    """
 
     places: dict[str, Any] = field(default_factory=dict, init=False)
     """Imported fields as they were given, by name."""
@@ -112,12 +120,12 @@ def _excision(name: str, stem: str, along: str, scripts: str, script: str) -> Re
         name=name,
         id=f"cutenv/{stem}-v1",
         task="cutenv.task.path:PATH_CUT",
-        single=f"cutenv.envs.excision:{stem}Env",
-        vector=f"cutenv.envs.excision:{stem}VectorEnv",
+        single=f"cutenv.envs.path_cut:{stem}Env",
+        vector=f"cutenv.envs.path_cut:{stem}VectorEnv",
         along=along,
         errors=_OFF_LINE,
-        features="cutenv.policy.path_features:PathFeatures",
-        scripts=f"cutenv.policy.path_scripts:{scripts}",
+        features="cutenv.policy.path_policies:PathFeatures",
+        scripts=f"cutenv.policy.path_policies:{scripts}",
         script=script,
         planner="cutenv.policy.map_planner:PathPlanner",
         options=_ALONG_LINE,
@@ -129,7 +137,7 @@ _SHIPPED = (
     RegisteredTask(
         name="gentle",
         id="cutenv/GentleCut-v1",
-        task="cutenv.task.gentle:GENTLE_CUT",
+        task="cutenv.task.declare:GENTLE_CUT",
         single="cutenv.envs.gentle_cut:GentleCutEnv",
         vector="cutenv.envs.vector:GentleCutVectorEnv",
         rig_id="cutenv/RigCut-v1",
@@ -150,11 +158,11 @@ _SHIPPED = (
         single="cutenv.envs.depth_cut:DepthCutEnv",
         vector="cutenv.envs.depth_cut:DepthCutVectorEnv",
         rig_id="cutenv/RigDepthCut-v1",
-        rig="cutenv.envs.rig_depth_cut:RigDepthCutEnv",
+        rig="cutenv.envs.rig_cut:RigDepthCutEnv",
         along="along a wanted depth",
         errors=(("mean_error_mm", "mean error of the depth", "mm", 2), ("layer_mm", "into the layer below", "mm", 3)),
-        features="cutenv.policy.depth_features:DepthFeatures",
-        scripts="cutenv.policy.depth_scripts:DEPTH_SCRIPTS",
+        features="cutenv.policy.depth_policies:DepthFeatures",
+        scripts="cutenv.policy.depth_policies:DEPTH_SCRIPTS",
         script="depth by two forces",
         planner="cutenv.policy.map_planner:DepthPlanner",
         options={
@@ -172,12 +180,12 @@ _SHIPPED = (
         single="cutenv.envs.path_cut:PathCutEnv",
         vector="cutenv.envs.path_cut:PathCutVectorEnv",
         rig_id="cutenv/RigPathCut-v1",
-        rig="cutenv.envs.rig_path_cut:RigPathCutEnv",
+        rig="cutenv.envs.rig_cut:RigPathCutEnv",
         along="along a drawn line",
         line=True,
         errors=_OFF_LINE,
-        features="cutenv.policy.path_features:PathFeatures",
-        scripts="cutenv.policy.path_scripts:PATH_SCRIPTS",
+        features="cutenv.policy.path_policies:PathFeatures",
+        scripts="cutenv.policy.path_policies:PATH_SCRIPTS",
         script="steer by force",
         planner="cutenv.policy.map_planner:PathPlanner",
         options=_ALONG_LINE,

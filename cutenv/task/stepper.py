@@ -1,4 +1,6 @@
-"""Steps of a task, compiled for each from its declaration: one cut, many cuts on all cores, readings of a rig.
+"""Steps of a task, compiled for each from its declaration.
+
+One cut, many cuts on all cores, readings of a rig.
 
 Every loop is the same for all tasks: advance a millisecond, count it, conclude the step where the cut ends or the
 decision is over.
@@ -15,8 +17,8 @@ from cutenv._base.arrays import Array, Struct, StructArray
 from cutenv._engine.declared import compiled_for
 from cutenv._engine.intrinsics import as_float64_view, first_row, keep_alive, prefetch, without_refcount
 from cutenv._engine.jit import njit, njit_inline, njit_internal, njit_nogil
+from cutenv._engine.parallel import WorkQueue, mark_done, next_chunk
 from cutenv._engine.randomness import Integer
-from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
 from cutenv.cutting.dtypes import DRIVE, LAW, STATE, TICK
 from cutenv.cutting.law import depth_at, grid_index
 from cutenv.cutting.motion import Moving
@@ -40,12 +42,30 @@ from cutenv.task.assessment import (
     tell,
 )
 from cutenv.task.declare import WAYS, Cuts, OneCut, Stepping, Task, charge, command_of, terms
-from cutenv.task.episode_dtypes import PROGRESS, TASK
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, commanded_speed
-from cutenv.task.reward import ENDS, SAFETY_ENDS
-from cutenv.task.tip_estimation import estimated_tip
-from cutenv.task_quantities import SHALLOWEST
-from cutenv.tissue.crack_tip import BladeReading
+from cutenv.task.reward import ENDS, PROGRESS, SAFETY_ENDS, TASK
+from cutenv.task_quantities import SHALLOWEST, SMALLEST_RUN
+from cutenv.tissue.crack_tip import ESTIMATED_EVERY, BladeReading, MeanTissue, assess_tip
+
+_UPDATES = round(ESTIMATED_EVERY / TICK)  # whatever the decision rate
+
+
+@njit_internal
+def estimated_tip(
+    memory: Struct, task: Struct, nominal: Struct, tick: int, reading: BladeReading
+) -> tuple[float, float]:
+    """Return tip and unstable growth [m] at update ``tick`` (from 1 at reset); both change every 20 ms.
+
+    The tip's advance beyond the blade's counts as an unstable run.  ``memory`` is
+    :data:`~cutenv.tissue.crack_tip.ASSESSED_TIP`, changed in place.
+    """
+    if tick % _UPDATES != 0:
+        return memory.tip, 0.0
+    advance = max(reading.position - memory.position, 0.0)
+    mean = MeanTissue(nominal.stiffness, len(nominal.stiffness), task.friction_per_depth)
+    run = assess_tip(memory, mean, reading) - advance
+    return memory.tip, run if run > SMALLEST_RUN else 0.0
+
 
 # Sizes of records in numbers.  Numba compiles a kernel anew for each literal integer argument, but not for these.
 _NONE = np.int64(0)

@@ -1,4 +1,7 @@
-"""The tissue: finite-element model of the slab, measured moduli and toughness, and specimens sampled from them."""
+"""The tissue.
+
+Finite-element model of the slab, measured moduli and toughness, and specimens sampled from them.
+"""
 
 from __future__ import annotations
 

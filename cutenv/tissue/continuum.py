@@ -1,4 +1,7 @@
-"""Elastic continuum of a model: element, formulation, integration and what follows from them; checks of arguments."""
+"""Elastic continuum of a model.
+
+Element, formulation, integration and what follows from them; checks of arguments.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,9 @@ from cutenv.tissue.tip_response import TipResponse, stiffness_matrix, tip_respon
 
 @dataclass(frozen=True, kw_only=True)
 class Continuum:
-    """Elements and the equations that they solve; the parameters are those of `CutModel`.
+    """Elements and the equations that they solve.
+
+    The parameters are those of `CutModel`.
 
     Raises
     ------

@@ -1,4 +1,6 @@
-"""The crack tip estimated from what a rig measures: blade position less elastic force over stiffness, K.
+"""The crack tip estimated from what a rig measures.
+
+Blade position less elastic force over stiffness, K.
 
 While the blade advances, the force locates the tip only for a known stiffness and friction: at first those of the mean
 tissue.  While the blade draws back, nothing is cut, and the force falls along a straight line.  Its slope is K at the
@@ -90,7 +92,10 @@ class MeanTissue(NamedTuple):
 
 
 class BladeReading(NamedTuple):
-    """Reading of a rig: position [m], speed [m/s], depth of cut there [m] and measured force [N]."""
+    """Reading of a rig.
+
+    Position [m], speed [m/s], depth of cut there [m] and measured force [N].
+    """
 
     position: float
     speed: float
@@ -126,7 +131,9 @@ def follow_tip(memory: Struct, mean: MeanTissue, reading: BladeReading) -> tuple
 
 @njit_internal
 def assess_tip(memory: Struct, mean: MeanTissue, reading: BladeReading) -> float:
-    """Update ``memory.tip`` with a reading 20 ms after the last one; return by how much it grew [m].
+    """Update ``memory.tip`` with a reading 20 ms after the last one.
+
+    Return by how much it grew [m].
 
     A cut never heals, so the tip never goes back, except to where drawing back locates it, which is no growth.
     ``memory`` is :data:`ASSESSED_TIP`, changed in place.

@@ -1,4 +1,6 @@
-"""The local effective modulus by speed and angle: fits to Tables 5.5 to 5.7 (equations 5.1 to 5.10), and its fall.
+"""The local effective modulus by speed and angle.
+
+Fits to Tables 5.5 to 5.7 (equations 5.1 to 5.10), and its fall.
 
 A local effective modulus (LEM) is the modulus measured in a cut: the slope of a loading increment over kappa and the
 depth of cut (equations 3.1 and 3.2). It is apparent: in a slab that is not cut through it is higher than the modulus
@@ -322,7 +324,7 @@ def local_effective_modulus(
     Notes
     -----
     Source: Tables 5.5 to 5.7, fitted linearly (power law for Table 5.5 at 45 deg). Livers and cuts scatter
-    about it, see ``cutenv.tissue.variance_components``.
+    about it, see ``cutenv.tissue.description``.
     """
     v = checked_speed(speed)
     theta = checked_angle(angle)

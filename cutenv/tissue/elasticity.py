@@ -1,4 +1,6 @@
-"""Isotropic linear elasticity: plane stress, plane strain, the solid, and mixed (thesis, Appendices A and B).
+"""Isotropic linear elasticity.
+
+Plane stress, plane strain, the solid, and mixed (thesis, Appendices A and B).
 
 The parameters and the weak form are scikit-fem's; this module selects them by name and writes them as the
 matrices printed in Appendix A.

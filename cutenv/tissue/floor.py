@@ -1,4 +1,6 @@
-"""The floor of a cut under a blade's edge: a bed of springs, which gives way to force and slicing.
+"""The floor of a cut under a blade's edge.
+
+A bed of springs, which gives way to force and slicing.
 
 The simulator has a hidden floor.  A rig's task, a score and a measurement expect the one that the mean tissue would
 have under a blade that moved as recorded (:func:`expected_floor`).

@@ -1,4 +1,7 @@
-"""Grid of points along the cut line at which a specimen is described, depth of cut there, and smooth random fields."""
+"""Grid of points along the cut line of a specimen.
+
+A specimen is described there; the depth of cut, and smooth random fields, are given at its points.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Layers of a slab over its depth: a capsule, the tissue that was measured, and another tissue below."""
+"""Layers of a slab over its depth.
+
+A capsule, the tissue that was measured, and another tissue below.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Drawn lines to cut along: straight, arc, S, part of an ellipse, random smooth ones, and through given points."""
+"""Drawn lines to cut along.
+
+Straight, arc, S, part of an ellipse, random smooth ones, and through given points.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +35,9 @@ Pair: TypeAlias = tuple[Array, Array] | Array
 
 
 class CutLine(NamedTuple):
-    """A drawn line, at points every 0.5 mm of its length; each part has shape (301,).
+    """A drawn line, at points every 0.5 mm of its length.
+
+    Each part has shape (301,).
 
     It starts at the clamp, x = 0; y = 0 is the middle of the slab.
     """
@@ -190,7 +195,9 @@ def places_within(line: CutLine) -> Array:
 
 
 def through(points: ArrayLike) -> CutLine:
-    """Return the smooth line through points; beyond the last one it goes on straight.
+    """Return the smooth line through points.
+
+    Beyond the last one it goes on straight.
 
     Parameters
     ----------

@@ -1,4 +1,6 @@
-"""Mesh of the specimen with doubled nodes on the cut line, and on the lines of earlier cuts.
+"""Mesh of the specimen with doubled nodes on cut lines.
+
+These are the cut line, and the lines of earlier cuts.
 
 Axes: x across the specimen (cut line at x = 0), y along it from the clamped edge at y = 0, z through the
 thickness. The cut runs along the centre line, or beside it. Every node on that line exists twice, also the one at
@@ -108,7 +110,9 @@ def checked_divisions(element: str, divisions: Sequence[int] | None) -> tuple[in
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CutMesh:
-    """Nodes and elements of the specimen, and the pairs of nodes that face each other across the cut line.
+    """Nodes and elements of the specimen, and paired nodes.
+
+    A pair of nodes faces each other across the cut line.
 
     Unknowns are numbered node by node, ``dim * node + component``, as in scikit-fem: first the corners, then the
     mid-side nodes; the pressures of a mixed element, one per corner, come last.

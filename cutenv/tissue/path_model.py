@@ -1,4 +1,7 @@
-"""Finite-element model of a slab with a cut along a drawn line, whose mesh follows it."""
+"""Finite-element model of a slab, cut along a drawn line.
+
+The mesh follows the line.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,9 @@ _ROUNDING = 1e-10  # of a solution, over modulus and thickness
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PathMesh(CutMesh):
-    """The mesh of a straight cut, shifted across so that its cut line lies on a drawn one; the slab's sides stay.
+    """The mesh of a straight cut, shifted onto a drawn line.
+
+    It is shifted across; the slab's sides stay.
 
     Parameters
     ----------
@@ -80,7 +85,9 @@ class PathMesh(CutMesh):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PathModel:
-    """Plane model of a slab, 8 x 15 cm, clamped where a drawn line begins, with a cut along that line.
+    """Plane model of a slab, cut along a drawn line.
+
+    The slab, 8 x 15 cm, is clamped where the line begins.
 
     The counterpart of :class:`~cutenv.tissue.CutModel` for lines that are not straight; on a straight one it gives the
     same.  Pairs of nodes ahead of the tip are tied; those behind it slide along the line, and neither open nor overlap.

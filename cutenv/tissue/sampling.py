@@ -1,4 +1,6 @@
-"""Sampling of specimens from the measured spread, compiled: for one environment or a batch of thousands.
+"""Sampling of specimens from the measured spread, compiled.
+
+It serves one environment or a batch of thousands.
 
 Every number is a pure function of a key (seed and episode), of its stream and of its counter (see
 :mod:`cutenv._engine.randomness`): a batch samples the same specimens as a single environment, in whatever order.
@@ -140,7 +142,9 @@ def is_vascular(seed: Integer, episode: Integer) -> bool:
 def sample_profiles(
     key: Key, liver_factor: float, recipe: Struct, modes: Array, profiles: MaterialProfiles
 ) -> tuple[float, float]:
-    """Sample a specimen; return its friction per depth [N/m] and its ``inclined_ratio`` [1].
+    """Sample a specimen.
+
+    Return its friction per depth [N/m] and its ``inclined_ratio`` [1].
 
     Parameters
     ----------

@@ -1,4 +1,7 @@
-"""One piece of tissue, sampled from the measured spread; its surface; and the mean tissue, which a rig assumes."""
+"""One piece of tissue, sampled from the measured spread.
+
+It has a surface. The mean tissue is the one that a rig assumes; a worn blade meets one that resists more.
+"""
 
 from __future__ import annotations
 
@@ -31,11 +34,11 @@ from cutenv.tissue.slab import DEPTHS, at_depth, stiffness_along
 if TYPE_CHECKING:
     from cutenv.tissue.cut_model import CutModel
 
+__all__ = ["CLASSES", "LENGTH", "N_POINTS", "POINTS_PER_METRE", "SPACING", "SPECIMEN_SCHEMA", "Specimen", "draw_liver"]
+
+
 CLASSES = ("uniform", "liver", "vascular", "mixed")
 SPECIMEN_SCHEMA = "cutenv-specimen/2"
-
-
-__all__ = ["CLASSES", "LENGTH", "N_POINTS", "POINTS_PER_METRE", "SPACING", "SPECIMEN_SCHEMA", "Specimen", "draw_liver"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -100,7 +103,9 @@ class Specimen:
         friction_share: float | None = None,
         tissue: TissueDescription | None = None,
     ) -> Specimen:
-        """Make a uniform specimen: modulus [Pa], fracture resistance [J/m2], depth [m]; friction share of ``tissue``.
+        """Make a uniform specimen: modulus [Pa], fracture resistance [J/m2], depth [m].
+
+        Friction share of ``tissue``.
 
         By default it is cut through: a slice as thick as the cut is deep.
         """
@@ -375,3 +380,36 @@ def vary_surface(key: Key, spread: float, thickness: float, modes: Array, depth:
     smooth_field(key, SURFACE, _FIRST, modes, deviation)
     for i in range(N_POINTS):
         depth[i] = min(max(depth[i] + spread * deviation[i], min(depth[i], _LEAST)), thickness)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BladeWear:
+    """Linear rise of R with the length cut.
+
+    R (1 + ``blade_wear`` (``blade_used`` + y)) at y along the cut.
+
+    The thesis used one kind of blade, No. 10 of stainless steel, and tells nothing of its wear or of when it was
+    changed.  A blunter edge takes more force to start and to carry on a crack; here both rise alike.
+    """
+
+    blade_wear: float = parameter(
+        0.0, unit="1/m", low=0.0, high=10.0, provenance="assumed",
+        source="off; rise of R for each metre that the blade has cut: nothing measured it", sensitivity=(0.0, 1.0),
+    )  # fmt: skip
+    blade_used: float = parameter(
+        0.0, unit="m", low=0.0, high=100.0, provenance="choice",
+        source="a new blade; length that it has cut before",
+    )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+
+    def factors(self) -> Array:
+        """Return the fracture resistance over that of a new blade, along the cut, shape (301,) [1]."""
+        return np.asarray(1.0 + self.blade_wear * (self.blade_used + SPACING * np.arange(N_POINTS)))
+
+    def of(self, specimen: Specimen) -> Specimen:
+        """Return the specimen as this blade meets it; itself without wear."""
+        if self.blade_wear == 0.0:
+            return specimen
+        return dataclasses.replace(specimen, fracture_resistance=specimen.fracture_resistance * self.factors())

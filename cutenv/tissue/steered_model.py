@@ -1,4 +1,7 @@
-"""Finite-element model of a slab whose cut is not known beforehand: nodes move onto the crack and double behind it."""
+"""Finite-element model of a slab whose cut is not known beforehand.
+
+Nodes move onto the crack and double behind it.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +19,16 @@ from cutenv.tissue.elasticity import lame_parameters
 from cutenv.tissue.grid import LENGTH
 from cutenv.tissue.lines import WIDTH, CutLine
 from cutenv.tissue.mesh import checked_divisions
-from cutenv.tissue.split_mesh import SAME_PLACE, Crack, MeshPlace, SplitMesh, halfway, slab_corners
-from cutenv.tissue.split_stiffness import DoubledMesh, SplitStiffness
+from cutenv.tissue.split_mesh import (
+    SAME_PLACE,
+    Crack,
+    DoubledMesh,
+    MeshPlace,
+    SplitMesh,
+    SplitStiffness,
+    halfway,
+    slab_corners,
+)
 
 
 class SteeredModel:
@@ -30,7 +41,7 @@ class SteeredModel:
     A cut that follows the edges of the mesh has the stiffness of :class:`~cutenv.tissue.CutModel`, and along the line
     of ``line`` that of :class:`~cutenv.tissue.PathModel`, on the same mesh.  The slab is factorised once; each node
     that a crack passes takes some solves and a dense system of the unknowns that the cuts have touched, see
-    `cutenv.tissue.split_stiffness.AugmentedSystem`.
+    `cutenv.tissue.split_mesh.AugmentedSystem`.
 
     Parameters
     ----------

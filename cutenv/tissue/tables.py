@@ -1,4 +1,7 @@
-"""Tables of numbers: the thesis's, parsed strictly, with errata and printed digits, and constants derived from them."""
+"""Tables of numbers.
+
+The thesis's, parsed strictly, with errata and printed digits, and constants derived from them.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Displacement under a unit blade force at each tip, from one factorisation of the tied specimen, and between tips.
+"""Displacement under a unit blade force at each tip.
+
+It is from one factorisation of the tied specimen, and interpolated between tips.
 
 The blade stands on the tip pair, which is still tied, and pushes along the line, away from the clamp. Tying
 every pair gives the matrix A; one sparse factorisation of it and one solve per tip node serve all tips. On a

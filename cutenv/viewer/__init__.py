@@ -1,4 +1,7 @@
-"""Pictures of a cut in progress; drawing needs pygame-ce, which the extra ``cutenv[view]`` installs."""
+"""Pictures of a cut in progress.
+
+Drawing needs pygame-ce, which the extra ``cutenv[view]`` installs.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Smooth lines, areas and text on a pygame surface; the only module that draws with pygame."""
+"""Smooth lines, areas and text on a pygame surface.
+
+The only module that draws with pygame.
+"""
 
 from __future__ import annotations
 

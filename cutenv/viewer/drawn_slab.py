@@ -1,4 +1,7 @@
-"""Specimen seen from above: a lattice that follows the displacement of the finite-element model."""
+"""Specimen seen from above.
+
+A lattice that follows the displacement of the finite-element model.
+"""
 
 from __future__ import annotations
 

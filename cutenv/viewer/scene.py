@@ -1,4 +1,7 @@
-"""Content and layout of a picture of a cut: numbers and geometry, without drawing."""
+"""Content and layout of a picture of a cut.
+
+Numbers and geometry, without drawing.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,6 @@ from cutenv.plant.simulator import SimulatedPlant
 from cutenv.task.episode import Episode, ShownDepth, ShownPath
 from cutenv.task_quantities import ANGLE_TOLERANCE, FORCE_ALLOWED, TIP_TOLERANCE
 from cutenv.tissue.grid import depth_below
-from cutenv.viewer.formula import SceneFormula
 from cutenv.viewer.scene_parts import (
     BELOW,
     CHART_CEILING,
@@ -27,13 +29,16 @@ from cutenv.viewer.scene_parts import (
     DERIVED,
     NUMBERS,
     WORDS,
+    SceneFormula,
     ScenePart,
 )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Moment:
-    """State of a cut to be drawn at one moment; SI and radians.
+    """State of a cut to be drawn at one moment.
+
+    SI and radians.
 
     ``tip`` and ``lag`` are hidden truth; a rig and its task know the rest.
     """
@@ -154,7 +159,10 @@ class Moment:
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
-    """Positions of the parts of a picture [px]; one scale along the cut for both views and the chart."""
+    """Positions of the parts of a picture [px].
+
+    One scale along the cut for both views and the chart.
+    """
 
     width: int = 960
     height: int = 720

@@ -1,17 +1,24 @@
-"""The scene of a cut, described once: parts, places, colours and labels.
+"""The scene of a cut, described once.
+
+Parts, places, colours and labels.
 
 The window and the view in 3-D draw from this description, and so does the page, which receives it as data. A place is
 given by two formulas of named quantities, from above (across, along), from the side (along, height above the specimen's
 lower face) [m], in the chart (along [m], force [N]). The scalpel's own frame has z up along the straight part of the
 edge from the blade's point, and y toward the edge, 0 at that straight part. Its measures are common ones, rounded: they
 serve the picture, and nothing is computed from them.
+
+Formulas are written once as text, evaluated here with NumPy, and handed as trees to the page's script.
 """
 
 from __future__ import annotations
 
+import ast
 import dataclasses
 import itertools
 import math
+import operator
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,7 +28,80 @@ from cutenv._base.language_files import ENGLISH, texts_by_key
 from cutenv.task_quantities import TIP_TOLERANCE
 from cutenv.tissue.grid import LENGTH, SPACING
 from cutenv.viewer import palette
-from cutenv.viewer.formula import SceneFormula
+
+Tree = float | str | list[Any]
+"""A number, a name, or a list of a function's name and its arguments."""
+
+_SIGNS: dict[type[ast.operator], str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
+_FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+    "/": operator.truediv,
+    "abs": np.abs,
+    "acos": np.arccos,
+    "atan2": np.arctan2,
+    "clip": np.clip,
+    "cos": np.cos,
+    "max": np.maximum,
+    "min": np.minimum,
+    "sin": np.sin,
+    "sqrt": np.sqrt,
+    "tan": np.tan,
+}
+
+
+class SceneFormula:
+    """SceneFormula of numbers, names, the four operations, and a few functions.
+
+    Parameters
+    ----------
+    text : str
+        As in Python: ``"blade - depth / tan(angle)"``.
+
+    Attributes
+    ----------
+    tree : Tree
+        The formula as JSON can hold it.
+
+    Raises
+    ------
+    ValueError
+        If the text holds anything else.
+    """
+
+    def __init__(self, text: str) -> None:
+        self.tree = _tree(ast.parse(text, mode="eval").body, text)
+
+    def __call__(self, values: Mapping[str, Any]) -> Any:
+        """Return the value; names, and functions that are no formula's own, are looked up in ``values``."""
+        return _value(self.tree, values)
+
+
+def _tree(node: ast.expr, text: str) -> Tree:
+    match node:
+        case ast.Constant(value=int() | float() as number):
+            return float(number)
+        case ast.Name(id=name):
+            return name
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            return ["-", 0.0, _tree(operand, text)]
+        case ast.BinOp(left=left, op=sign, right=right) if type(sign) in _SIGNS:
+            return [_SIGNS[type(sign)], _tree(left, text), _tree(right, text)]
+        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
+            return [name, *(_tree(each, text) for each in arguments)]
+    raise ValueError(f"formula = {text!r} holds {ast.unparse(node)!r}; use numbers, names, + - * / and functions.")
+
+
+def _value(tree: Tree, values: Mapping[str, Any]) -> Any:
+    if isinstance(tree, float):
+        return tree
+    if isinstance(tree, str):
+        return values[tree]
+    name, *arguments = tree
+    function = _FUNCTIONS.get(name) or values[name]
+    return function(*(_value(each, values) for each in arguments))
+
 
 PointRows = tuple[tuple[float, ...], ...]
 

@@ -1,4 +1,7 @@
-"""Views of a cut: the scene's parts from above, from the side and in the chart on a canvas; words, numbers beside."""
+"""Views of a cut.
+
+The scene's parts from above, from the side and in the chart on a canvas; words, numbers beside.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,6 @@ from cutenv.tissue.grid import LENGTH, depth_below
 from cutenv.viewer import palette
 from cutenv.viewer.canvas import Canvas, Points
 from cutenv.viewer.drawn_slab import Slab
-from cutenv.viewer.formula import SceneFormula
 from cutenv.viewer.palette import Colour
 from cutenv.viewer.scene import ForceTrace, Layout, Moment, rest_places, scene_label
 from cutenv.viewer.scene_parts import (
@@ -28,6 +30,7 @@ from cutenv.viewer.scene_parts import (
     TINT,
     WORDS,
     Hatched,
+    SceneFormula,
     ScenePart,
 )
 
@@ -78,7 +81,9 @@ def draw_clamp(canvas: Canvas, layout: Layout, width: float) -> None:
 
 
 def draw_titles(sheet: Sheet, width: float, side_top: float, *, above: str | None = None) -> None:
-    """Draw what the views show, above them; the view from the side begins at ``side_top`` [px].
+    """Draw what the views show, above them.
+
+    The view from the side begins at ``side_top`` [px].
 
     ``above`` is the title of the view from above, where it is not the scene's.
     """
@@ -120,7 +125,9 @@ def draw_from_the_side(sheet: Sheet, box: tuple[float, float]) -> None:
 
 
 def draw_parts(sheet: Sheet, view: str, *, standing: bool = False, tissue: tuple[Slab, Points] | None = None) -> None:
-    """Draw the parts of a view; either those that stay during a cut or the others.
+    """Draw the parts of a view.
+
+    Either those that stay during a cut or the others.
 
     Parameters
     ----------

@@ -1,4 +1,7 @@
-"""Window that shows pictures at a steady rate, and in it a cut: slab, blade, force, numbers and reward."""
+"""Window that shows pictures at a steady rate.
+
+In it is a cut: slab, blade, force, numbers and reward.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +47,9 @@ def open_display() -> None:
 
 
 class Window:
-    """Single window of pygame's display, opened at construction; it can be resized, and F11 fills the screen.
+    """Single window of pygame's display, opened at construction.
+
+    It can be resized, and F11 fills the screen.
 
     A picture is scaled to the window and keeps its proportions. On a screen that has room for a multiple of it, the
     window opens at that multiple; on one that is too small, as large as the screen.

@@ -7,13 +7,16 @@ clamp, z up from the plate [m].
 from cutenv.vision.bead_tracks import BeadTracks
 from cutenv.vision.field_comparison import (
     FieldComparison,
+    FilmedMeasurement,
+    MeanModulus,
     ZoneModuli,
     compare_displacements,
     compare_field,
     estimate_zone_moduli,
     even_borders,
+    measure_filmed_cut,
+    zones_as_measured,
 )
-from cutenv.vision.filmed_measurement import FilmedMeasurement, MeanModulus, measure_filmed_cut, zones_as_measured
 
 __all__ = [
     "BeadTracks",

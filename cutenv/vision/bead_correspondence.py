@@ -1,4 +1,7 @@
-"""Which image belongs to which bead: by a rotation of the C-arm, or by epipolar lines and motion; poses adjusted."""
+"""Which image belongs to which bead.
+
+It is found by a rotation of the C-arm, or by epipolar lines and motion; poses are adjusted.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Images of beads whose places are nearly known: each alone, behind each other, and groups that jump together."""
+"""Images of beads whose places are nearly known.
+
+Each alone, behind each other, and groups that jump together.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,9 @@ _SETTLED = 1e-3  # px
 
 @dataclass(frozen=True, kw_only=True)
 class BeadLook:
-    """Look of a bead in a view, in the attenuation image: minus the logarithm of the grey value.
+    """Look of a bead in a view, in the attenuation image.
+
+    Minus the logarithm of the grey value.
 
     Parameters
     ----------
@@ -158,7 +163,10 @@ def _fit_heap(image: Array, expected: Array, look: BeadLook) -> tuple[Array, Arr
 
 
 class _Window(NamedTuple):
-    """Pixels that are fitted: columns, rows, values, each of shape (m,), and the background's shapes (m, 3)."""
+    """Pixels that are fitted.
+
+    Columns, rows, values, each of shape (m,), and the background's shapes (m, 3).
+    """
 
     x: Array
     y: Array

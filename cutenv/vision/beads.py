@@ -1,4 +1,7 @@
-"""Beads in the tissue followed through two X-ray videos: places over time, with covariance (thesis, 7.1 to 7.3)."""
+"""Beads in the tissue followed through two X-ray videos.
+
+Places over time, with covariance (thesis, 7.1 to 7.3).
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,9 @@ _PERSISTENCE = 60.0  # a doubtful image is believed when it has come about five 
 
 @dataclass(kw_only=True, eq=False)
 class BeadFilter:
-    """Kalman filter of every bead: where it rested, moved as the model predicts, and an offset that wanders.
+    """Kalman filter of every bead.
+
+    A bead is where it rested, moved as the model predicts, with an offset that wanders.
 
     Parameters
     ----------
@@ -88,7 +93,9 @@ class BeadFilter:
         self.variance[rows] += unsure[:, None, None] * np.eye(3)
 
     def update(self, view: CArmView, measured: Array, error: Array, crowded: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Take in what one view shows, in undistorted pixels; return which beads it showed.
+        """Take in what one view shows, in undistorted pixels.
+
+        Return which beads it showed.
 
         An image far from the prediction is a jump of the bead, or another bead. It is refused where another bead is
         near in this view (``crowded``), and where it contradicts the view that has shown the bead in this frame.
@@ -247,7 +254,7 @@ def track_beads(
     frames : iterable of sequence of array_like
         For each time one image of every view, in the order of the calibration.
     time : array_like, shape (n,)
-        Times of the frames on the clock of the force record [s] (see `cutenv.vision.registration`).
+        Times of the frames on the clock of the force record [s] (see `cutenv.vision.bead_tracks`).
     calibration : CArmCalibration
         Calibration of the views.
     rest : tuple of array_like, shapes (n, 3) and (n, 3, 3)

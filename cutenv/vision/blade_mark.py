@@ -1,4 +1,7 @@
-"""A blade's mark in an image, a black strip across it, or an ArUco tag on it; and straight edges, to sub-pixels."""
+"""A blade's mark in an image, and straight edges.
+
+The mark is a black strip across the blade, or an ArUco tag on it. Edges are found to sub-pixels.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +35,10 @@ _BOWED = 1.2  # height of its arc from which on it is none, but the border of a 
 
 
 class UnusableFrame(Exception):
-    """A frame from which no depth can be read; the text is the reason."""
+    """A frame from which no depth can be read.
+
+    The text is the reason.
+    """
 
 
 class Line(NamedTuple):
@@ -236,7 +242,10 @@ class MarkedBlade:
 
 
 class Neighbourhood(NamedTuple):
-    """Square of an image: its middle, shape (2,), and how far it reaches to every side [px]."""
+    """Square of an image.
+
+    Its middle, shape (2,), and how far it reaches to every side [px].
+    """
 
     middle: Array
     reach: float

@@ -1,4 +1,7 @@
-"""Film: grey frames with their times, of a file or of a camera, whose newest frame is taken; clear errors."""
+"""Film: grey frames with their times.
+
+They are of a file, or of a camera, whose newest frame is taken; errors are clear.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +34,10 @@ class VideoFrame(NamedTuple):
 
 @dataclass(frozen=True)
 class VideoFacts:
-    """Header of a video: frames a second [Hz], number of frames that it shows or 0 where it does not say."""
+    """Header of a video.
+
+    Frames a second [Hz], number of frames that it shows or 0 where it does not say.
+    """
 
     rate: float
     frames: int
@@ -151,7 +157,10 @@ class CameraDriver(Protocol):
 
 
 class OpencvCamera:
-    """Camera that OpenCV can read: its number, or the address of a stream."""
+    """Camera that OpenCV can read.
+
+    Its number, or the address of a stream.
+    """
 
     def __init__(self, source: str) -> None:
         self._source = source
@@ -209,7 +218,9 @@ def mounted_camera(mounting: Any) -> CameraDriver:
 
 
 def newest_frames(camera: CameraDriver, size: tuple[int, int]) -> Iterator[VideoFrame]:
-    """Yield the newest frame of an open camera, again and again; frames that nobody waits for are lost.
+    """Yield the newest frame of an open camera, again and again.
+
+    Frames that nobody waits for are lost.
 
     Raises
     ------

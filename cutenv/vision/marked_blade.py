@@ -1,4 +1,6 @@
-"""A marked blade in an image: mark, sides and tissue's line, to sub-pixels; and the depth of cut by one or two cameras.
+"""A marked blade in an image.
+
+Mark, sides and tissue's line, to sub-pixels; and the depth of cut by one or two cameras.
 
 All lines are found in a patch of the image that is resampled along the blade, free of the lens's distortion, so that
 they are straight there. Nothing is guessed: what cannot be measured raises
@@ -68,7 +70,10 @@ class BladeInView(NamedTuple):
 
 
 class _BladeAxes(NamedTuple):
-    """Axes of the blade in the chart: steps of 1 px along it and across it, and its scale [px/m]."""
+    """Axes of the blade in the chart.
+
+    Steps of 1 px along it and across it, and its scale [px/m].
+    """
 
     origin: Array
     down: Array
@@ -81,7 +86,10 @@ class _BladeAxes(NamedTuple):
 
 
 class _Patch(NamedTuple):
-    """Piece of the image along the blade: rows every `_STEP` px from ``first`` [px], columns 1 px apart, 0 amid."""
+    """Piece of the image along the blade.
+
+    Rows every `_STEP` px from ``first`` [px], columns 1 px apart, 0 amid.
+    """
 
     values: Array
     first: float
@@ -264,7 +272,9 @@ _BEYOND = 1.5e-3  # length by which a blade may seem longer than it is [m]
 
 
 class BladeInSpace(NamedTuple):
-    """Blade as measured in one frame; places in the frame of the first camera, or of the plane of the cut [m].
+    """Blade as measured in one frame.
+
+    Places in the frame of the first camera, or of the plane of the cut [m].
 
     Attributes
     ----------
@@ -293,7 +303,9 @@ class DepthFrame(NamedTuple):
 
 
 class BladeCameras:
-    """Calibrated cameras that measure a marked blade, and look for its mark first where they saw it last.
+    """Calibrated cameras that measure a marked blade.
+
+    They look for its mark first where they saw it last.
 
     Parameters
     ----------
@@ -311,7 +323,9 @@ class BladeCameras:
         self._scale_sd = math.hypot(_SCALE, 0.0 if cameras.second is not None else off)
 
     def measure(self, image: GreyImage) -> BladeInSpace:
-        """Measure the blade in a frame; images of a pair stand side by side.
+        """Measure the blade in a frame.
+
+        Images of a pair stand side by side.
 
         Raises
         ------

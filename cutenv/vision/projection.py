@@ -1,4 +1,7 @@
-"""Geometry of X-ray views: projection matrices, points in space from their images, and the size of a pixel there."""
+"""Geometry of X-ray views.
+
+Projection matrices, points in space from their images, and the size of a pixel there.
+"""
 
 from __future__ import annotations
 

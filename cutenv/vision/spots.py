@@ -1,4 +1,7 @@
-"""Round spots in an image: placed to a fraction of a pixel with uncertainty; those of a grid given row and column."""
+"""Round spots in an image.
+
+Placed to a fraction of a pixel with uncertainty; those of a grid given row and column.
+"""
 
 from __future__ import annotations
 

@@ -15,8 +15,8 @@ import numpy as np
 from cutenv._base import resources
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING, field_modes, lognormal_sigma
+from cutenv.tissue.slab import condensed
 from cutenv.tissue.tables import FOLDER
-from cutenv.tissue.varying_modulus import condensed
 
 FIELDS = 60
 MODEL = {"element": "quad8", "formulation": "plane_stress", "poisson": 0.3}
@@ -25,7 +25,7 @@ MODEL = {"element": "quad8", "formulation": "plane_stress", "poisson": 0.3}
 def write() -> None:
     """Condense the model and write the result."""
     content = {
-        "source": "CutModel condensed by rows of elements (cutenv.tissue.varying_modulus)",
+        "source": "CutModel condensed by rows of elements (cutenv.tissue.slab)",
         "script": "scripts/derivations/slab.py --write",
         **MODEL,
         **{name: values.tolist() for name, values in condensed(CutModel(**MODEL))._asdict().items()},

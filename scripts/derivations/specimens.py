@@ -29,15 +29,16 @@ from cutenv._engine.randomness import generator
 from cutenv.measurement import estimate_fracture_resistance, estimate_local_effective_moduli
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.tissue import Specimen, draw_liver, measured_liver
-from cutenv.tissue.description import FITTED, TissueDescription
-from cutenv.tissue.tables import DerivedConstant, measured_fracture_resistance, table, write_derived
-from cutenv.tissue.variance_components import (
+from cutenv.tissue.description import (
     CUTS_PER_LIVER,
+    FITTED,
+    TissueDescription,
     depth_standard_error,
     mean_depth_of_cut,
     modulus_spread,
     variance_components,
 )
+from cutenv.tissue.tables import DerivedConstant, measured_fracture_resistance, table, write_derived
 
 SPEEDS = {"5.2": 0.001, "5.3": 0.0127, "5.4": 0.0254}  # of each table [m/s]
 TRAVEL = 0.12  # thesis 3.3.2 [m]

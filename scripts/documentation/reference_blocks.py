@@ -9,7 +9,7 @@ import numpy as np
 from cutenv._base.validation import parameter_table
 from cutenv.cutting.descent import DescentParameters
 from cutenv.cutting.drive import PDRig, Rig
-from cutenv.cutting.parameters import LawParameters
+from cutenv.cutting.dtypes import LawParameters
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.cutting.steering import SteeringParameters
 from cutenv.envs.constants import Knowledge
@@ -19,13 +19,11 @@ from cutenv.rig_drivers.slow_profile import RATES, grbl_settings, slow_settings
 from cutenv.scoring import INVARIANCES, MAP_METRICS, METRICS, Metric
 from cutenv.task.depth import DepthConstants
 from cutenv.task.path import PathConstants
-from cutenv.task.reward import CUT_ENDS, REWARD
-from cutenv.task.weights import Limits
+from cutenv.task.reward import CUT_ENDS, REWARD, Limits
 from cutenv.tissue import Layers, measured_liver
 from cutenv.tissue import tables as thesis_tables
-from cutenv.tissue.blade_wear import BladeWear
 from cutenv.tissue.description import TissueDescription
-from cutenv.tissue.specimen import SurfaceSpread
+from cutenv.tissue.specimen import BladeWear, SurfaceSpread
 from scripts.tables import markdown_table
 
 

@@ -19,7 +19,7 @@ import pytest
 from gymnasium.vector import VectorEnv
 
 import cutenv  # noqa: F401  registers the environment
-from cutenv._engine.work_queue import make_queue
+from cutenv._engine.parallel import make_queue
 from cutenv.cutting.motion import STRAIGHT
 from cutenv.cutting.simulate import hold_some
 from cutenv.plant import SimulatedPlant

@@ -14,7 +14,7 @@ pytest.importorskip("sqlalchemy", reason="the server is an extra: pip install 'c
 
 from recorded_cut import recorded_cut
 
-from cutenv.browser.scorm_package import write_scorm_package
+from cutenv.browser.page_alone import write_scorm_package
 from cutenv.classroom.class_store import MarkInForce
 from cutenv.classroom.lesson import shown_card
 from cutenv.play.course import CourseTask, marked_numbers

@@ -19,10 +19,9 @@ import cutenv
 from cutenv._engine.parallel import parallel_for
 from cutenv._engine.randomness import generator
 from cutenv.cutting.drive import Hand, Rig
-from cutenv.cutting.dtypes import DRIVE, LAW, PROFILE, READING, STATE, TICK, new_state
+from cutenv.cutting.dtypes import DRIVE, LAW, PROFILE, READING, STATE, TICK, law_records, new_state, profile_records
 from cutenv.cutting.law import LONGEST_ADVANCE
 from cutenv.cutting.motion import NOTHING, STRAIGHT
-from cutenv.cutting.parameters import law_records, profile_records
 from cutenv.cutting.row import LANES
 from cutenv.cutting.sensor import SENSOR, SensorParameters, sensor_records
 from cutenv.cutting.simulate import CUT, Physics, hold, hold_some

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from cutenv.tissue import CutModel
 from cutenv.tissue.mesh import ELEMENT_KINDS, CutMesh
+from cutenv.tissue.slab import zoned_model
 from cutenv.tissue.tip_response import stiffness_matrix, tip_responses
-from cutenv.tissue.varying_modulus import zoned_model
 
 Array = NDArray[np.float64]
 PLACES = np.linspace(0.005, 0.15, 24)

@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 from led_cut import INCLINED, UPRIGHT, PulledBlade, homogeneous
 
 from cutenv.cutting.drive import Hand, PDRig, Rig, advance_command, advance_in_air, lag_gain
-from cutenv.cutting.dtypes import STATE, TICK, new_state
+from cutenv.cutting.dtypes import STATE, TICK, LawParameters, law_records, new_state
 from cutenv.cutting.friction import deflected, grip
-from cutenv.cutting.parameters import LawParameters, law_records
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant import SimulatedPlant
 from cutenv.tissue.specimen import Specimen

@@ -15,11 +15,22 @@ import numba
 import numpy as np
 import pytest
 
-from cutenv._engine.fuse import expression, fuse
+from cutenv._engine.declared import expression, fuse
 from cutenv._engine.intrinsics import as_float64_view, without_refcount
 from cutenv._engine.jit import njit, njit_nogil
-from cutenv._engine.parallel import _number_of_cores, _pool, cores, parallel_for, set_cores
-from cutenv._engine.work_queue import atomic_add, atomic_load, make_queue, mark_done, next_chunk, wait_done
+from cutenv._engine.parallel import (
+    _number_of_cores,
+    _pool,
+    atomic_add,
+    atomic_load,
+    cores,
+    make_queue,
+    mark_done,
+    next_chunk,
+    parallel_for,
+    set_cores,
+    wait_done,
+)
 
 
 @numba.njit
@@ -355,7 +366,7 @@ def test_the_environment_sets_the_number_of_cores(given, used):
 ROW = """
 import numpy as np
 from numba.np import numpy_support
-from cutenv._engine.lanes import RowType
+from cutenv._engine.lowering import RowType
 print(RowType(numpy_support.from_dtype(np.dtype([("blade", "f8", (8,))]))).name)
 """
 

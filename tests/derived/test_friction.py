@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from led_cut import LedCut, changed_law, constant_feed, homogeneous, lead, lead_by, through
 
-from cutenv.cutting.parameters import LawParameters
+from cutenv.cutting.dtypes import LawParameters
 from cutenv.tissue.specimen import LENGTH, N_POINTS, Specimen
 
 SHARE, R, B = 0.2, 211.0, 0.02

@@ -26,7 +26,7 @@ from cutenv._engine.shortcuts import LateInterrupt
 from cutenv.cutting.dtypes import READING
 from cutenv.cutting.simulate import CUT
 from cutenv.envs.gentle_cut import GentleCutEnv
-from cutenv.task.gentle import GENTLE_CUT
+from cutenv.task.declare import GENTLE_CUT
 from cutenv.task.observation import COMPONENTS
 from cutenv.task.stepper import step_one
 

@@ -9,10 +9,10 @@ import math
 import numpy as np
 import pytest
 
+from cutenv.cutting.dtypes import law_records
 from cutenv.cutting.law import loading_ratio
-from cutenv.cutting.parameters import law_records
 from cutenv.tissue import Specimen, measured_liver
-from cutenv.tissue.description import TissueDescription, tables_only
+from cutenv.tissue.description import TissueDescription, inclined_spread, tables_only
 from cutenv.tissue.effective_modulus import (
     PowerFit,
     SpeedFit,
@@ -26,7 +26,6 @@ from cutenv.tissue.effective_modulus import (
     speed_on_line,
 )
 from cutenv.tissue.tables import table
-from cutenv.tissue.variance_components import inclined_spread
 
 UPRIGHT, INCLINED = math.radians(90), math.radians(45)
 SPEEDS = np.linspace(0.001, 0.0254, 25)

@@ -17,9 +17,9 @@ from cutenv.measurement import (
     loading_segments,
 )
 from cutenv.tissue.cut_model import CutModel
+from cutenv.tissue.description import ModulusSpread, mean_depth_of_cut, modulus_spread, variance_components
 from cutenv.tissue.effective_modulus import local_effective_modulus
 from cutenv.tissue.tables import table
-from cutenv.tissue.variance_components import ModulusSpread, mean_depth_of_cut, modulus_spread, variance_components
 from cutenv.trace import Trace
 
 SPEEDS = (0.001, 0.0127, 0.0254)
@@ -273,7 +273,7 @@ def test_between_cut_spread_is_smaller_than_within(formulation):
 
 
 def test_a_negative_component_is_clipped_to_zero_and_reported(monkeypatch):
-    monkeypatch.setattr("cutenv.tissue.variance_components.variance_components", lambda groups: (-0.01, 0.04))
+    monkeypatch.setattr("cutenv.tissue.description.variance_components", lambda groups: (-0.01, 0.04))
     spread = modulus_spread()
     assert (spread.between_liver_cv, spread.between_cut_cv) == (0.0, pytest.approx(0.2))
     assert spread.between_liver_clipped

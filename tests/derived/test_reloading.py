@@ -26,8 +26,8 @@ from led_cut import (
 )
 
 from cutenv._engine.randomness import generator
+from cutenv.cutting.dtypes import LawParameters
 from cutenv.cutting.law import leaning, sweeping
-from cutenv.cutting.parameters import LawParameters
 from cutenv.tissue.specimen import LENGTH, N_POINTS, Specimen
 
 SPEEDS = [0.001, 0.0038, 0.0089, 0.0127, 0.0165, 0.0216, 0.0254]  # [m/s]

@@ -18,9 +18,8 @@ from cutenv._engine.randomness import generator
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.grid import bulge, field_modes
-from cutenv.tissue.slab import THICKNESS, effective_depth, row_means, slab_of, stiffness_along
+from cutenv.tissue.slab import THICKNESS, condensed, effective_depth, row_means, slab_of, stiffness_along
 from cutenv.tissue.specimen import LENGTH, N_POINTS, SPACING, Specimen, draw_liver, nominal_stiffness, nominal_tissue
-from cutenv.tissue.varying_modulus import condensed
 from scripts.derivations.partial_depth import stiffness_by_depth
 from scripts.validation.thesis.elements import model
 

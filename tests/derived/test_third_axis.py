@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cutenv._engine.work_queue import make_queue
+from cutenv._engine.parallel import make_queue
 from cutenv.cutting.descent import DESCENDING
 from cutenv.cutting.simulate import Physics, hold_some
 from cutenv.cutting.steering import STEERED, SteeringParameters

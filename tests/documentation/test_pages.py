@@ -21,10 +21,9 @@ import pytest
 from cutenv import cli
 from cutenv.imitated.emulator.emulated_bench import FAULTS
 from cutenv.recording import UNITS, load, load_operators
-from cutenv.rig.config.axes import HeightAxis, SideAxis
-from cutenv.rig.config.settings import SafetyLimits
+from cutenv.rig.config.settings import HeightAxis, SafetyLimits, SideAxis
 from cutenv.rig.safety.stop_causes import STILL
-from cutenv.task.weights import RewardWeights
+from cutenv.task.reward import RewardWeights
 from scripts.documentation import api_pages
 
 ROOT = Path(__file__).parents[2]

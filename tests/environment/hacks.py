@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from whole_cut import CRUISE, FASTEST, INCLINED, UPRIGHT
 
-from cutenv.envs.batch import CutBatch
 from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.envs.vector import CutBatch
 from cutenv.policy import Policy, ProbeAndCreep, StopAndUnload
 from cutenv.policy.interface import ArrayPolicy, as_array_policy, choose, in_si, to_actions
 from cutenv.task.declare import Cuts

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from cutenv._engine.jit import njit_inline, njit_internal
-from cutenv.envs.described import described
 from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.envs.gymnasium_facts import described
 from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.play.played_cut import PlayedCut
 from cutenv.policy import ConstantFeed, Features

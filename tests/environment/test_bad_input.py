@@ -30,7 +30,7 @@ from cutenv.policy import (
     TipEstimate,
 )
 from cutenv.task.observation import in_units, to_action
-from cutenv.task.weights import Limits, RewardWeights
+from cutenv.task.reward import Limits, RewardWeights
 from cutenv.tissue import (
     CutModel,
     Layers,

@@ -9,10 +9,10 @@ import pytest
 from map_tasks import cut
 
 import cutenv  # noqa: F401
-from cutenv.envs.batch import CutBatch
 from cutenv.envs.depth_cut import DepthCutEnv, to_depth_action
+from cutenv.envs.vector import CutBatch
 from cutenv.learning.evaluation import Contestant, evaluate
-from cutenv.policy.depth_scripts import FollowDepth, HoldDepth
+from cutenv.policy.depth_policies import FollowDepth, HoldDepth
 from cutenv.task.depth import DEPTH_CUT
 from cutenv.task.wanted_depth import DEEP, LEAST_BELOW, LEAST_CHANGE, MOST_BELOW, SHALLOW
 

@@ -24,7 +24,7 @@ from cutenv.cutting.sensor import SensorParameters
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.policy import ConstantFeed, NoAction
 from cutenv.task.observation import CLIP, COMPONENTS
-from cutenv.task.weights import Limits
+from cutenv.task.reward import Limits
 from cutenv.tissue.specimen import CLASSES
 
 DOC = inspect.getdoc(GentleCutEnv) or ""
@@ -193,7 +193,7 @@ import dataclasses, json
 import gymnasium, numpy as np
 import cutenv
 from cutenv.report.page import term_meanings
-from cutenv.task.weights import RewardWeights
+from cutenv.task.reward import RewardWeights
 
 STEPS, ACTION = 3, np.float32([0.5, -0.5])
 env = gymnasium.make("cutenv/GentleCut-v1", weight_tremble=0.7)

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 import cutenv  # noqa: F401
-from cutenv.envs.batch import CutBatch
-from cutenv.envs.excision import ExcisionEnv
-from cutenv.envs.path_cut import PathCutEnv
+from cutenv.envs.path_cut import ExcisionEnv, PathCutEnv
+from cutenv.envs.vector import CutBatch
 from cutenv.tissue.drawn_lines import STORED, drawn_lines, kind_of
 from cutenv.tissue.lines import half_ellipse, length_within
 

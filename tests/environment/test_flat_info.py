@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from batches import N, both, run_both
 
-from cutenv.envs.flat_info import flat_info
+from cutenv.envs.gymnasium_facts import flat_info
 from cutenv.task.registry import TASKS
 from cutenv.tissue.specimen import CLASSES
 

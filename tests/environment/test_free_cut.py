@@ -14,7 +14,7 @@ from gymnasium.utils.env_checker import check_env
 import cutenv
 from cutenv.envs.free_cut import FreeCutEnv
 from cutenv.envs.path_cut import PathCutEnv, to_path_action
-from cutenv.policy.path_scripts import PATH_SCRIPTS
+from cutenv.policy.path_policies import PATH_SCRIPTS
 
 
 def cut(env: PathCutEnv, seed: int = 0) -> tuple[list[Any], dict[str, Any]]:

@@ -13,11 +13,11 @@ import pytest
 from whole_cut import ENVIRONMENT, FASTEST, INCLINED, UPRIGHT, cut, legs, make, steady
 
 from cutenv.cutting.drive import Hand, Rig
-from cutenv.cutting.parameters import LawParameters
+from cutenv.cutting.dtypes import LawParameters
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.envs.constants import Knowledge
 from cutenv.policy import ConstantFeed, NoAction
-from cutenv.task.weights import Limits, RewardWeights
+from cutenv.task.reward import Limits, RewardWeights
 from cutenv.tissue import Specimen, measured_liver
 from cutenv.tissue.specimen import CLASSES
 

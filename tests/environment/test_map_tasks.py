@@ -15,10 +15,10 @@ from map_tasks import SPECIMENS, cut, returns
 
 import cutenv  # noqa: F401
 from cutenv.envs import gentle_cut, vector
-from cutenv.envs.batch import CutBatch
 from cutenv.envs.gentle_cut import GentleCutEnv
-from cutenv.policy.depth_scripts import FollowDepth, HoldDepth
-from cutenv.policy.path_scripts import BladeOnLine, SteerByForce
+from cutenv.envs.vector import CutBatch
+from cutenv.policy.depth_policies import FollowDepth, HoldDepth
+from cutenv.policy.path_policies import BladeOnLine, SteerByForce
 from cutenv.task.observation import COMPONENTS
 from cutenv.task.registry import TASKS, task_of
 from cutenv.tissue.lines import arc, half_ellipse

@@ -10,7 +10,7 @@ from map_tasks import cut, returns
 
 import cutenv  # noqa: F401
 from cutenv.envs.path_cut import PathCutEnv, to_path_action
-from cutenv.policy.path_scripts import BladeOnLine, StraightOn
+from cutenv.policy.path_policies import BladeOnLine, StraightOn
 from cutenv.task.observation import COMPONENTS
 from cutenv.task.path import PATH_COMPONENTS
 from cutenv.tissue.drawn_lines import KINDS, MIXED_KINDS, STORED, drawn_lines, first_of_pair, kind_of

@@ -13,14 +13,13 @@ from numpy.typing import NDArray
 from cutenv.cutting.dtypes import READING
 from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.envs.gentle_cut import GentleCutEnv
-from cutenv.task.episode_dtypes import ENDS, TERMS
+from cutenv.task.reward import ENDS, TERMS
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.grid import depth_below
 from cutenv.viewer import ForceTrace, Layout, Moment, Slab, palette
 from cutenv.viewer.drawn_slab import half_gap
-from cutenv.viewer.formula import SceneFormula
 from cutenv.viewer.scene import derived_quantities, rest_places
-from cutenv.viewer.scene_parts import PARTS, blade_edge
+from cutenv.viewer.scene_parts import PARTS, SceneFormula, blade_edge
 
 LAYOUT = Layout()
 

@@ -12,7 +12,7 @@ import pytest
 
 from cutenv.envs import RigCutEnv, SharedControl
 from cutenv.learning.demonstration import Demonstration, simulated
-from cutenv.learning.lerobot_datasets import write_lerobot
+from cutenv.learning.lerobot import write_lerobot
 from cutenv.play.devices import HandMotion, ScriptedDevice
 from cutenv.play.haptics import Stylus
 from cutenv.play.intervening_hand import InterveningHand

@@ -11,13 +11,14 @@ import pytest
 
 from cutenv.learning.arguments import (
     BadArguments,
+    BCArguments,
     CrossQArguments,
+    IQLArguments,
     PPOArguments,
     RecurrentPPOArguments,
     SACArguments,
     TQCArguments,
 )
-from cutenv.learning.imitation_arguments import BCArguments, IQLArguments
 from cutenv.learning.options import declared, option, parse
 from cutenv.learning.run_folder import add_run_options, run_request
 from cutenv.task.registry import TASKS

@@ -16,8 +16,7 @@ pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip in
 import safetensors.torch  # noqa: E402
 
 from cutenv.learning import bc  # noqa: E402
-from cutenv.learning.arguments import BadArguments  # noqa: E402
-from cutenv.learning.imitation_arguments import BCArguments  # noqa: E402
+from cutenv.learning.arguments import BadArguments, BCArguments  # noqa: E402
 from cutenv.learning.run_folder import RunRequest, add_run_options, run_request  # noqa: E402
 from cutenv.policy import TrainedPolicy  # noqa: E402
 

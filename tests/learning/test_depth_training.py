@@ -13,21 +13,21 @@ import pytest
 from program import run
 
 from cutenv.policy import TrainedPolicy, gentle_policy
-from cutenv.policy.depth_features import DepthFeatures
-from cutenv.policy.depth_scripts import DEPTH_SCRIPTS, DepthByTwoForces
+from cutenv.policy.depth_policies import DEPTH_SCRIPTS, DepthByTwoForces, DepthFeatures
 from cutenv.policy.map_planner import DepthPlanner
 
 stable_baselines3 = pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
 
 from cutenv.envs.depth_cut import DepthCutEnv  # noqa: E402
-from cutenv.learning.arguments import (  # noqa: E402
+from cutenv.learning.arguments import (  # noqa: E402  # noqa: E402
     BadArguments,
+    BCArguments,
+    IQLArguments,
     PPOArguments,
     RecurrentPPOArguments,
     SACArguments,
 )
 from cutenv.learning.evaluation import contestant  # noqa: E402
-from cutenv.learning.imitation_arguments import BCArguments, IQLArguments  # noqa: E402
 from cutenv.learning.training_report import task_headline  # noqa: E402
 from cutenv.task.registry import TASKS  # noqa: E402
 

@@ -41,7 +41,7 @@ from cutenv.policy import (
     RandomAction,
     save_policy,
 )
-from cutenv.task.episode_dtypes import TERMS
+from cutenv.task.reward import TERMS
 from cutenv.tissue import measured_liver
 
 # Two policies on three specimens: differences of return 0.2, 0.1 and 0.3; of success 1, 0 and 0.

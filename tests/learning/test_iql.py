@@ -12,9 +12,8 @@ from program import run
 torch = pytest.importorskip("torch", reason="the learner is an extra: pip install 'cutenv[rl]'")
 pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
 
-from cutenv.learning.arguments import BadArguments  # noqa: E402
+from cutenv.learning.arguments import BadArguments, IQLArguments  # noqa: E402
 from cutenv.learning.cloning import Transitions  # noqa: E402
-from cutenv.learning.imitation_arguments import IQLArguments  # noqa: E402
 from cutenv.learning.iql import Agent, ImplicitQLearning, transition_data, transitions  # noqa: E402
 from cutenv.policy import TrainedPolicy  # noqa: E402
 from cutenv.policy.features import feature_count  # noqa: E402

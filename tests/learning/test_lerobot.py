@@ -16,10 +16,9 @@ import pytest
 
 from cutenv import cli
 from cutenv.commands.datasets import Arguments, cuts_of
-from cutenv.learning import lerobot_datasets
+from cutenv.learning import lerobot
 from cutenv.learning.demonstration import Demonstration
-from cutenv.learning.lerobot_datasets import INSTRUCTION, lerobot_folder, write_lerobot
-from cutenv.learning.lerobot_environments import make_env
+from cutenv.learning.lerobot import INSTRUCTION, lerobot_folder, make_env, write_lerobot
 
 ROOT = Path(__file__).parents[2]
 PYTHON = ROOT / (".venv-lerobot/Scripts/python.exe" if os.name == "nt" else ".venv-lerobot/bin/python")
@@ -112,8 +111,8 @@ def test_the_statistics_are_those_of_the_frames(folder: Path) -> None:
 def test_more_frames_than_a_file_takes_go_into_the_next(
     tmp_path: Path, made: tuple[dict[str, Any], list[Demonstration]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(lerobot_datasets, "_FRAMES_IN_FILE", 100)
-    monkeypatch.setattr(lerobot_datasets, "_FILES_IN_CHUNK", 2)
+    monkeypatch.setattr(lerobot, "_FRAMES_IN_FILE", 100)
+    monkeypatch.setattr(lerobot, "_FILES_IN_CHUNK", 2)
     write_lerobot(tmp_path / "set", "x", *made)
     files = sorted(path.relative_to(tmp_path).as_posix() for path in (tmp_path / "set/data").rglob("*.parquet"))
     assert files[0].endswith("chunk-000/file-000.parquet")
@@ -128,7 +127,7 @@ def test_nothing_is_left_of_a_data_set_that_cannot_be_written(
     def full(*_: Any) -> None:
         raise OSError("no space left on device")
 
-    monkeypatch.setattr(lerobot_datasets, "_info", full)
+    monkeypatch.setattr(lerobot, "_info", full)
     with pytest.raises(OSError, match="no space left"):
         write_lerobot(tmp_path / "set", "x", *made)
     assert not list(tmp_path.iterdir())

@@ -12,7 +12,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.learning.seeds import ENVIRONMENT
 from cutenv.policy import Features
-from cutenv.policy.depth_features import DepthFeatures
+from cutenv.policy.depth_policies import DepthFeatures
 from cutenv.sb3 import FeatureVecEnv, NativeVecEnv
 from cutenv.task.depth import DEPTH_CUT
 from cutenv.task.privileged import PRIVILEGED_FEATURES, privileged_names

@@ -12,7 +12,7 @@ import pytest
 from program import run
 
 from cutenv.policy import Network, TrainedPolicy, save_policy
-from cutenv.policy.path_scripts import SteerByForce
+from cutenv.policy.path_policies import SteerByForce
 
 stable_baselines3 = pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
 

@@ -13,7 +13,7 @@ from recorded_cut import recorded_cut
 from cutenv import cli
 from cutenv.measurement.signal_faults import Readings
 from cutenv.recording import save
-from cutenv.recording.unchecked import readings_in
+from cutenv.recording.importers import readings_in
 from cutenv.scoring.record_check import FAULT_NAMES, record_faults
 from cutenv.trace import Trace
 from scripts.validation.records import real_records

@@ -11,7 +11,7 @@ from cutenv.measurement import blade_wear, estimate_fracture_resistance, fit_wea
 from cutenv.measurement.wear import BLADE_KEY, USED_KEY, used_before
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.tissue import CutModel, Specimen
-from cutenv.tissue.blade_wear import BladeWear
+from cutenv.tissue.specimen import BladeWear
 from cutenv.trace import Trace
 
 MANY = np.linspace(0.04, 2.0, 25)

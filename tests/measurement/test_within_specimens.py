@@ -23,7 +23,7 @@ from cutenv.measurement.pooled_cuts import (
 from cutenv.measurement.within_specimens import compare_settings, mixed_model
 from cutenv.recording import Provenance, TissueHandling, load_one, save
 from cutenv.tissue import measured_liver
-from cutenv.tissue.variance_components import variance_components
+from cutenv.tissue.description import variance_components
 from cutenv.trace import Trace
 
 pytest.importorskip("statsmodels", reason="mixed models are an extra: pip install 'cutenv[stats]'")

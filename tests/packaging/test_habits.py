@@ -55,7 +55,7 @@ BROKEN = [
     ("_base/validation", "import matplotlib.pyplot", "drawing is done by the viewer and the report"),
     ("measurement/simulating", "import cutenv.cutting.law", "measurement and scoring never see"),
     ("scoring/card_reader", "import cutenv._engine.jit", "the compiled engine is private"),
-    ("trace", "import cutenv.scoring.metric", "inside a wing, too"),
+    ("trace", "import cutenv.scoring.cut_metrics", "inside a wing, too"),
     ("rig/config/settings", "import cutenv.rig.plant", "inside the rig imports go one way"),
 ]
 

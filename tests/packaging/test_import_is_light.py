@@ -23,7 +23,7 @@ def test_import_cutenv_loads_nothing_heavy() -> None:
 def test_an_environment_needs_no_finite_elements() -> None:
     """They have found what it takes of the slab, and that is stored."""
     heavy = ("skfem", "scipy.optimize", "scipy.sparse", "matplotlib")
-    check_nothing_heavy_is_loaded("import cutenv.envs.gentle_cut, cutenv.envs.rig_path_cut", heavy)
+    check_nothing_heavy_is_loaded("import cutenv.envs.gentle_cut, cutenv.envs.rig_cut", heavy)
 
 
 def test_help_loads_nothing_heavy() -> None:

@@ -64,7 +64,7 @@ def test_the_last_line_is_the_command_that_scores_it(tmp_path: Path, capsys: pyt
 
 def test_a_terminal_without_braille_is_drawn_in_ascii(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from cutenv.report import RecordPicture
-    from cutenv.report.terminal_figure import record_lines
+    from cutenv.report.look_page import record_lines
 
     record = Trace(time=[k / 100 for k in range(200)], force=[math.sin(k / 30) for k in range(200)])
     lines = record_lines(RecordPicture(record=record), 60, braille=False)

@@ -46,7 +46,6 @@ HOOKS = {"renew_row", "respond_row"} | {field.name for declaration in (Task, Mot
 
 SAME_FILE_NAMES = {
     "depth": "the depth of cut: measured along records, and wanted by a task",
-    "interface": "the protocol of its package: what a policy is, what a plant is",
 }
 """File names that several folders hold, with the reason; ``__init__`` is in every package."""
 

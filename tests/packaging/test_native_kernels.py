@@ -26,7 +26,7 @@ MAGIC = {
 USES = """
 import numpy as np
 from cutenv._engine.randomness import normal_at
-from cutenv._engine.work_queue import make_queue, wait_done
+from cutenv._engine.parallel import make_queue, wait_done
 from cutenv.cutting.drive import lag_gain
 from cutenv.cutting.dtypes import DRIVE
 from cutenv.cutting.motion import STRAIGHT

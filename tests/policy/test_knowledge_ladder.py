@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cutenv.learning.seeds import VALIDATION_SEEDS
-from cutenv.policy.path_scripts import SteerByForce
+from cutenv.policy.path_policies import SteerByForce
 from scripts.benchmarks.agents.knowledge_ladder import LADDERS, START, KnowledgeLadder, PathRung
 
 SEEDS = VALIDATION_SEEDS[:6]

@@ -7,14 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from cutenv.envs.batch import CutBatch
 from cutenv.envs.depth_cut import DepthCutEnv
+from cutenv.envs.vector import CutBatch
 from cutenv.learning.evaluation import Contestant, evaluate
 from cutenv.policy import Features, OneReturnStroke
-from cutenv.policy.depth_features import DepthFeatures
-from cutenv.policy.depth_scripts import DepthByTwoForces, FollowDepth
-from cutenv.policy.path_features import CrackCourse, PathFeatures
-from cutenv.policy.path_scripts import SteerByForce
+from cutenv.policy.depth_policies import DepthByTwoForces, DepthFeatures, FollowDepth
+from cutenv.policy.path_policies import CrackCourse, PathFeatures, SteerByForce
 from cutenv.task.depth import DEPTH_CUT
 from cutenv.task.observation import CLIP, COMPONENTS
 from cutenv.task.path import PATH_CUT

@@ -25,8 +25,7 @@ from cutenv.policy import (
     Script,
     StopAndUnload,
 )
-from cutenv.policy.feedback import UnloadProbe
-from cutenv.policy.scripted import coasting
+from cutenv.policy.scripted import UnloadProbe, coasting
 from cutenv.task.observation import commanded_speed, in_units, to_action
 from cutenv.tissue.specimen import SPACING
 

@@ -7,7 +7,7 @@ import pytest
 
 from cutenv.learning.evaluation import Contestant, evaluate
 from cutenv.learning.seeds import VALIDATION_SEEDS
-from cutenv.policy.path_scripts import EXCISION_NUMBERS, PATH_SCRIPTS, SteerByForce, with_numbers
+from cutenv.policy.path_policies import EXCISION_NUMBERS, PATH_SCRIPTS, SteerByForce, with_numbers
 from scripts.benchmarks.agents import tune_scripts
 
 SEEDS = VALIDATION_SEEDS[:4]

@@ -28,7 +28,7 @@ from led_cut import (
 )
 
 from cutenv._engine.randomness import generator
-from cutenv.cutting.parameters import LawParameters
+from cutenv.cutting.dtypes import LawParameters
 from cutenv.tissue.specimen import N_POINTS, SPACING, Specimen
 from scripts.validation.physics.adversarial_motions import MOTIONS
 

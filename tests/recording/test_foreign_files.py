@@ -143,13 +143,13 @@ def test_a_table_of_matlab_is_named_with_its_cure(tmp_path: Path) -> None:
     """Tables are objects, which savemat cannot write; scipy marks them as this type."""
     import scipy.io.matlab
 
-    from cutenv.recording import matlab_file
+    from cutenv.recording import array_files
 
     opaque = scipy.io.matlab.MatlabOpaque(
         np.zeros(1, dtype=[("s0", object), ("s1", object), ("s2", object), ("arr", object)])
     )
     notes: list[str] = []
-    assert matlab_file._plain("T", opaque, notes) is None
+    assert array_files._plain("T", opaque, notes) is None
     assert notes == ["T is a table or an object of MATLAB, which only MATLAB reads: writetable(T) there"]
 
 
@@ -246,7 +246,7 @@ def test_a_sensor_that_is_faster_than_the_frames_is_read_in_full(tmp_path: Path)
 
 def test_our_own_data_set_comes_back_with_its_force_and_position(tmp_path: Path) -> None:
     from cutenv.commands.datasets import Arguments, cuts_of
-    from cutenv.learning.lerobot_datasets import write_lerobot
+    from cutenv.learning.lerobot import write_lerobot
 
     keywords, cuts = cuts_of(Arguments(dataset="cutenv/x", format="lerobot", policy="probe and creep", cuts=2))
     write_lerobot(tmp_path / "set", "x", keywords, cuts)

@@ -19,7 +19,7 @@ from recorded_cut import recorded_cut
 
 import cutenv.measurement.signal_quality
 import cutenv.report.page
-import cutenv.scoring.study.trainee
+import cutenv.scoring.study.learning
 from cutenv._base.language_files import phrases_from_english
 from cutenv.report.page import Translation
 from cutenv.report.pass_mark_page import write_pass_mark_page
@@ -31,8 +31,6 @@ from cutenv.scoring import (
     cut_map,
     cut_metrics,
     doubts,
-    lurches,
-    map_metrics,
     points,
     score,
     score_card,
@@ -44,8 +42,8 @@ from cutenv.scoring.study import StandardSetting, StudiedCut, Study
 
 NAMES = {"novice", "expert", "novice, expert", "made up", "2b"}
 SPEAK = (
-    cut_map, cut_metrics, doubts, lurches, map_metrics, points, score_card, scored_cut, technique, validity,
-    cutenv.measurement.signal_quality, cutenv.scoring.study.trainee,
+    cut_map, cut_metrics, doubts, validity, cut_metrics, points, score_card, scored_cut, technique, validity,
+    cutenv.measurement.signal_quality, cutenv.scoring.study.learning,
 )  # fmt: skip
 """Modules whose texts stand on a card: results, reasons, notes, doubts, faults, advice, and what the metrics mean."""
 PARTS = {

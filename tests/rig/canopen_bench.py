@@ -7,8 +7,7 @@ from collections.abc import Iterator
 
 from made_up_drive import Ear, MadeUpDrive
 
-from cutenv.rig.config.axes import Axis
-from cutenv.rig.config.settings import Bus
+from cutenv.rig.config.settings import Axis, Bus
 from cutenv.rig.devices.canopen.axis import CanopenAxis
 from cutenv.rig.devices.canopen.network import CanNetwork
 from cutenv.rig.devices.host import SystemClock

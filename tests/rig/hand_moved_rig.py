@@ -15,8 +15,7 @@ from cutenv.imitated.emulator.emulated_axis import EmulatedAxis
 from cutenv.imitated.emulator.hub import Frame
 from cutenv.imitated.emulator.mechanics import Mechanics
 from cutenv.imitated.emulator.node import Node
-from cutenv.rig.config.axes import Axis
-from cutenv.rig.config.settings import Bus, RigSettings, fake_settings
+from cutenv.rig.config.settings import Axis, Bus, RigSettings, fake_settings
 from cutenv.rig.devices.canopen.axis import CanopenAxis
 from cutenv.rig.devices.canopen.network import CanNetwork
 from cutenv.rig.devices.drivers import DriveState, ForceListener, ForceSample

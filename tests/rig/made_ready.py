@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from cutenv.imitated.fake.fake_rig import FakeRig, fake_rig
+from cutenv.imitated.fake_rig import FakeRig, fake_rig
 from cutenv.rig.config.settings import HEIGHT, RigSettings, fake_settings
 from cutenv.tissue.specimen import Specimen
 

@@ -8,8 +8,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from cutenv.rig.config.axes import Axis
-from cutenv.rig.config.settings import RigSettings, SensorCalibration, SensorSettings
+from cutenv.rig.config.settings import Axis, RigSettings, SensorCalibration, SensorSettings
 from cutenv.rig.devices import DriveState, Event, ForceSample, Latch, MotionSample, Mounting, rig_driver
 
 TOLD = "CUTENV_TEST_TOLD"

@@ -15,14 +15,20 @@ from nidaqmx.errors import DaqNotFoundError
 from waiting import until
 
 from cutenv._base import resources
-from cutenv.imitated.emulator.board_server import BoardServer
+from cutenv.imitated.emulator.sensor_server import BoardServer
 from cutenv.rig.config.settings import SensorSettings, fake_settings
 from cutenv.rig.devices.driver_registry import Mounting
 from cutenv.rig.devices.host import SystemClock
 from cutenv.rig.errors import RigError
 from cutenv.rig.toml_file import read_rig_file, to_toml
-from cutenv.rig_drivers.analogue.analogue_sensor import CHANNEL_AT_END, AnalogueOptions, AnalogueSensor, NidaqmxBoard
-from cutenv.rig_drivers.analogue.sensor_calibration_file import SHIPPED_CALIBRATION, AnalogueCalibration
+from cutenv.rig_drivers.analogue_sensor import (
+    CHANNEL_AT_END,
+    SHIPPED_CALIBRATION,
+    AnalogueCalibration,
+    AnalogueOptions,
+    AnalogueSensor,
+    NidaqmxBoard,
+)
 
 JR3 = AnalogueCalibration.read(SHIPPED_CALIBRATION)
 TEXT = resources.path(f"sensors/{SHIPPED_CALIBRATION}.toml").read_text(encoding="utf-8")

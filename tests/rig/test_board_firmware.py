@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from cutenv.imitated.emulator.serial.firmware import CONVERTERS, HIGH_PIN, LOW_PIN, STOP_PIN, Firmware, compiled
+from cutenv.imitated.emulator.firmware import CONVERTERS, HIGH_PIN, LOW_PIN, STOP_PIN, Firmware, compiled
 from cutenv.rig.devices.serial.board import (
     BoardFlag,
     BoardIdentity,

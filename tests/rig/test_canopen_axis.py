@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from waiting import until
 
-from cutenv.rig.config.axes import Axis
+from cutenv.rig.config.settings import Axis
 from cutenv.rig.devices.canopen.objects import AxisUnits
 from cutenv.rig.devices.drivers import DriveState
 from cutenv.rig.errors import RigError

@@ -14,11 +14,9 @@ import pytest
 from made_up_drive import Ear, MadeUpDrive
 from waiting import until
 
-from cutenv.rig.config.axes import Axis
-from cutenv.rig.config.settings import Bus
+from cutenv.rig.config.settings import Axis, Bus
 from cutenv.rig.devices.canopen.axis import CanopenAxis
-from cutenv.rig.devices.canopen.bus import bus_arguments, open_bus
-from cutenv.rig.devices.canopen.network import CanNetwork
+from cutenv.rig.devices.canopen.network import CanNetwork, bus_arguments, open_bus
 from cutenv.rig.devices.drivers import Latch
 from cutenv.rig.devices.host import SystemClock
 from cutenv.rig.errors import RigError

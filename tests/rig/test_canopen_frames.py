@@ -10,8 +10,7 @@ import pytest
 from made_up_drive import Ear, MadeUpDrive
 from waiting import until
 
-from cutenv.rig.config.axes import Axis
-from cutenv.rig.config.settings import Bus
+from cutenv.rig.config.settings import Axis, Bus
 from cutenv.rig.devices.canopen.axis import CanopenAxis
 from cutenv.rig.devices.canopen.configuration import SdoChannel
 from cutenv.rig.devices.canopen.network import CanNetwork

@@ -14,13 +14,12 @@ import pytest
 from cutenv import cli
 from cutenv.commands.rig.check import as_json, lines
 from cutenv.imitated.emulator.process import start
-from cutenv.imitated.fake.benches import AirPlant
-from cutenv.imitated.fake.fake_rig import FakeRig, Faults
+from cutenv.imitated.fake_benches import AirPlant
+from cutenv.imitated.fake_rig import FakeRig, Faults
 from cutenv.rig.config.settings import fake_settings
 from cutenv.rig.devices.drivers import DriveState
 from cutenv.rig.hardware import rig_plant
-from cutenv.rig.operation.preflight import SETTLE
-from cutenv.rig.operation.self_check import Inspection, inspect
+from cutenv.rig.operation.preflight import SETTLE, Inspection, inspect
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.spine import Spine
 from cutenv.rig.toml_file import to_toml

@@ -17,8 +17,8 @@ from made_up_settings import FREE, USUAL, with_surprises, with_value
 
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.imitated.emulator.process import start
-from cutenv.imitated.fake.benches import AirPlant, SpecimenPlant
-from cutenv.imitated.fake.fake_rig import FakeRig, FakeSensor
+from cutenv.imitated.fake_benches import AirPlant, SpecimenPlant
+from cutenv.imitated.fake_rig import FakeRig, FakeSensor
 from cutenv.rig.config.laid_specimen import Laid
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.contradictions import contradictions

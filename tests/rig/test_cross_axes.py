@@ -13,8 +13,8 @@ import pytest
 from made_ready import SETTLE, height_settings, ready_rig, ready_to_descend, release
 from scripted_operator import ScriptedOperator
 
-from cutenv.imitated.fake.benches import AirPlant
-from cutenv.imitated.fake.fake_rig import FakeRig, Faults
+from cutenv.imitated.fake_benches import AirPlant
+from cutenv.imitated.fake_rig import FakeRig, Faults
 from cutenv.rig.config.settings import SIDE, RigSettings, across, fake_settings
 from cutenv.rig.contradictions import refuse_contradictions
 from cutenv.rig.devices.drivers import DriveState

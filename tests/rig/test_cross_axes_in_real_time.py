@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from cutenv.envs.path_cut import to_path_action
-from cutenv.envs.rig_path_cut import RigPathCutEnv
+from cutenv.envs.rig_cut import RigPathCutEnv
 from cutenv.envs.rig_source import EmulatedSpecimens
 from cutenv.imitated.emulator.process import start
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.errors import RigError
 from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operation.operator import AutomaticOperator
-from cutenv.rig.operation.self_check import inspect
+from cutenv.rig.operation.preflight import inspect
 from cutenv.rig.operation.session import RigSession, SpecimenKey
 from cutenv.rig.safety.stop_causes import RigStopped
 from cutenv.tissue.layers import Layers

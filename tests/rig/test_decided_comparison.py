@@ -14,9 +14,8 @@ from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.policy import BASELINES, ConstantFeed
 from cutenv.rig.errors import RigError
 from cutenv.scoring.study.sequential import SequentialQuestion
-from cutenv.sim_to_real.opening import OpenedPolicy, opening_of
 from cutenv.sim_to_real.paired_experiment import cut_again, cut_once, simulator_like
-from cutenv.sim_to_real.sequential_experiment import KeptCuts, RigComparison
+from cutenv.sim_to_real.sequential_experiment import KeptCuts, OpenedPolicy, RigComparison, opening_of
 
 SHORT = {"target_length": 0.04, "specimen_class": "liver"}
 FEED, NOTHING = "constant 1.65 cm/s 90 deg", "nothing"

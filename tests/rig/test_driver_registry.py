@@ -11,9 +11,7 @@ from pathlib import Path
 import pytest
 
 from cutenv import cli
-from cutenv.rig.config.axes import Axis
-from cutenv.rig.config.setting import setting
-from cutenv.rig.config.settings import CameraSettings, RigSettings, SensorSettings
+from cutenv.rig.config.settings import Axis, CameraSettings, RigSettings, SensorSettings, setting
 from cutenv.rig.devices.driver_registry import (
     DriverKind,
     Mounting,

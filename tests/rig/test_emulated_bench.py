@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cutenv.commands.rig.emulate import _options, _parser
-from cutenv.cutting.parameters import LawParameters
+from cutenv.cutting.dtypes import LawParameters
 from cutenv.cutting.sensor import Sensor, SensorParameters
 from cutenv.envs.constants import Constants
 from cutenv.envs.rig_source import emulator_arguments

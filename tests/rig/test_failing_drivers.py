@@ -13,7 +13,7 @@ from hand_moved_rig import HandMovedRig
 from made_ready import ready_rig
 from waiting import until
 
-from cutenv.imitated.fake.fake_rig import FakeRig
+from cutenv.imitated.fake_rig import FakeRig
 from cutenv.rig import spine
 from cutenv.rig.devices.drivers import DriveState, ForceSample
 from cutenv.rig.devices.host import SystemClock

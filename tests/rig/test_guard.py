@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from made_ready import ready_rig
 
-from cutenv.rig.safety.guard import guarded
+from cutenv.rig.safety.oversight import guarded
 from cutenv.rig.safety.stop_causes import Cause, RigStopped
 
 HERE = Path(__file__).parent
@@ -22,7 +22,7 @@ import os, sys, time
 sys.path.insert(0, {here!r})
 from made_ready import ready_rig
 from cutenv.rig.safety.stop_causes import RigStopped
-from cutenv.rig.safety.guard import guarded
+from cutenv.rig.safety.oversight import guarded
 rig = ready_rig()
 supervisor = rig.plant.supervisor
 say = lambda *words: os.write(1, (" ".join(words) + chr(10)).encode())  # whole lines, from two threads

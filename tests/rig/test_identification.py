@@ -28,11 +28,10 @@ from cutenv.rig.operation.recorder import Stretch
 from cutenv.rig.operation.suitability import simulator_keywords, top_speed
 from cutenv.rig.toml_file import to_toml
 from cutenv.rig_drivers.slow_profile import grbl_settings, slow_settings
-from cutenv.sim_to_real.identification import axis_response
-from cutenv.sim_to_real.identification.experiment import Identification
-from cutenv.sim_to_real.identification.plan import Plan
+from cutenv.sim_to_real import axis_response
+from cutenv.sim_to_real.identification import Identification, Plan
 from cutenv.task.observation import COMPONENTS
-from cutenv.task.weights import greatest_action
+from cutenv.task.reward import greatest_action
 
 AXES = {
     "plain": Rig(),

@@ -17,8 +17,8 @@ import pytest
 
 from cutenv import cli
 from cutenv.commands.rig.jog import TerminalKeys, terminal_keys
-from cutenv.imitated.fake.benches import AirPlant
-from cutenv.imitated.fake.fake_rig import FakeRig
+from cutenv.imitated.fake_benches import AirPlant
+from cutenv.imitated.fake_rig import FakeRig
 from cutenv.rig.config.settings import HEIGHT, SIDE, fake_settings
 from cutenv.rig.operation.jogging import (
     HELD,

@@ -12,8 +12,8 @@ import pytest
 from cutenv import cli
 from cutenv.imitated.emulator.assembly import RANGES, EmulatedRig, Options
 from cutenv.imitated.emulator.process import emulated_settings
-from cutenv.imitated.fake.benches import AirPlant
-from cutenv.imitated.fake.fake_rig import FakeRig
+from cutenv.imitated.fake_benches import AirPlant
+from cutenv.imitated.fake_rig import FakeRig
 from cutenv.rig.config.settings import fake_settings
 from cutenv.rig.toml_file import read_rig_file, to_toml
 

@@ -12,15 +12,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cutenv.imitated.emulator.sensor_server import SensorPage, SensorServer
-from cutenv.rig.devices.netft.netft_sensor import LARGEST, parse_page, read_page
-from cutenv.rig.devices.netft.packets import (
+from cutenv.rig.devices.netft_sensor import (
+    LARGEST,
     PacketError,
     RdtCommand,
     SensorPacket,
     SensorStatus,
     packet_bytes,
     parse_packet,
+    parse_page,
     parse_request,
+    read_page,
     request_bytes,
     status_meaning,
 )

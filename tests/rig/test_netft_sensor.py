@@ -15,8 +15,7 @@ from cutenv.imitated.emulator.sensor_server import SensorPage, SensorServer
 from cutenv.rig.config.settings import SensorSettings
 from cutenv.rig.devices.drivers import ForceDriver
 from cutenv.rig.devices.host import FakeClock, SystemClock
-from cutenv.rig.devices.netft.netft_sensor import NetftSensor
-from cutenv.rig.devices.netft.packets import SensorPacket, SensorStatus, packet_bytes
+from cutenv.rig.devices.netft_sensor import NetftSensor, SensorPacket, SensorStatus, packet_bytes
 from cutenv.rig.devices.reading_stream import STEADY_FORCE
 from cutenv.rig.errors import RigError
 

@@ -12,7 +12,7 @@ from made_ready import ready_rig, release
 
 from cutenv.cutting.dtypes import READING, TICK
 from cutenv.imitated.emulator.process import start
-from cutenv.imitated.fake.fake_rig import replayed_rig
+from cutenv.imitated.fake_rig import replayed_rig
 from cutenv.plant import Leg, Plant, SimulatedPlant, run, to_trace
 from cutenv.rig.devices.host import preferred
 from cutenv.rig.hardware import rig_plant

@@ -9,8 +9,8 @@ from datetime import date, timedelta
 import pytest
 from scripted_operator import ScriptedOperator
 
-from cutenv.imitated.fake.benches import SpecimenPlant
-from cutenv.imitated.fake.fake_rig import FakeRig, fake_rig
+from cutenv.imitated.fake_benches import SpecimenPlant
+from cutenv.imitated.fake_rig import FakeRig, fake_rig
 from cutenv.rig.config.laid_specimen import Laid
 from cutenv.rig.config.settings import SensorCalibration, SensorSettings, fake_settings
 from cutenv.rig.devices.drivers import DriveState

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from cutenv.imitated.fake.fake_rig import fake_rig
+from cutenv.imitated.fake_rig import fake_rig
 from cutenv.rig.config.settings import SensorSettings, fake_settings
 from cutenv.rig.operation.session import recorded_beside, recorded_rows
 from cutenv.tissue.specimen import Specimen

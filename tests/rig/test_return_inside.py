@@ -12,7 +12,7 @@ from cutenv.rig.devices.drivers import DriveState, Phase
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.preflight import prepare, return_inside
-from cutenv.rig.safety.motion_monitor import CREEP
+from cutenv.rig.safety.monitors import CREEP
 from cutenv.rig.safety.stop_causes import Cause, RigStopped
 
 HIGH, LOW = 0.148, -0.001  # [m]

@@ -13,7 +13,7 @@ from gymnasium.utils.env_checker import check_env
 from scripted_operator import ScriptedOperator
 
 from cutenv.envs.rig_cut import RigCutEnv
-from cutenv.imitated.fake.fake_rig import Faults
+from cutenv.imitated.fake_rig import Faults
 from cutenv.policy import BASELINES
 from cutenv.recording import load_one
 from cutenv.recording.appending import AppendingRecord, RecordingFailed

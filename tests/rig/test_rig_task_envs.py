@@ -17,10 +17,9 @@ from scripted_operator import ScriptedOperator
 from cutenv.cli import main
 from cutenv.envs.depth_cut import to_depth_action
 from cutenv.envs.path_cut import to_path_action
-from cutenv.envs.rig_depth_cut import RigDepthCutEnv
-from cutenv.envs.rig_path_cut import RigPathCutEnv
-from cutenv.policy.depth_scripts import DEPTH_SCRIPTS
-from cutenv.policy.path_scripts import PATH_SCRIPTS
+from cutenv.envs.rig_cut import RigDepthCutEnv, RigPathCutEnv
+from cutenv.policy.depth_policies import DEPTH_SCRIPTS
+from cutenv.policy.path_policies import PATH_SCRIPTS
 from cutenv.recording import load_one
 from cutenv.rig.config.settings import fake_settings
 from cutenv.rig.errors import RigError

@@ -20,7 +20,7 @@ from cutenv import cli
 from cutenv.commands.rig.run import paced
 from cutenv.commands.rig.weigh import mass_of, measured_values
 from cutenv.imitated.emulator.process import RunningEmulator
-from cutenv.imitated.emulator.serial.serial_rig import (
+from cutenv.imitated.emulator.serial_rig import (
     GRBL_FAULTS,
     SERIAL_FAULTS,
     EmulatedGrblRig,
@@ -35,7 +35,7 @@ from cutenv.rig.devices.serial.board import board_line
 from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operation.suitability import decisions, fits, stopping_ways, suitability_lines
 from cutenv.rig.operation.weighing import GRAVITY, Weighing, weigh
-from cutenv.rig.safety.force_monitor import ForceMonitor, ForceReadings
+from cutenv.rig.safety.monitors import ForceMonitor, ForceReadings
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.toml_file import read_rig_file, template, to_toml
 from cutenv.rig_drivers.conformance import Listening

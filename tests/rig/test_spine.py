@@ -25,8 +25,19 @@ from cutenv.rig.errors import RigError
 from cutenv.rig.hardware import rig_plant
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.stop_causes import ENDS_SESSION, Cause, RigStopped
-from cutenv.rig.spine_link import COMMAND, DONE, GO, REPLY, Link, Ring, SampleWriter, deliver, ring_size
-from cutenv.rig.spine_process import LONGEST_HOLD, _Served
+from cutenv.rig.spine_process import (
+    COMMAND,
+    DONE,
+    GO,
+    LONGEST_HOLD,
+    REPLY,
+    Link,
+    Ring,
+    SampleWriter,
+    _Served,
+    deliver,
+    ring_size,
+)
 
 UPRIGHT = math.pi / 2
 HERE = Path(__file__).parent

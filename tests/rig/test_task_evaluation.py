@@ -11,8 +11,8 @@ import pytest
 from cutenv.envs import RigCutEnv, RigDepthCutEnv, RigPathCutEnv
 from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.envs.path_cut import PathCutEnv
-from cutenv.policy.depth_scripts import FollowDepth
-from cutenv.policy.path_scripts import SteerByForce
+from cutenv.policy.depth_policies import FollowDepth
+from cutenv.policy.path_policies import SteerByForce
 from cutenv.scoring import MAP_METRICS
 from cutenv.sim_to_real.measures import (
     MAP_MEASURES,

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from cutenv.rig.config.settings import MOST_BLIND, Identified, SafetyLimits, fake_settings
 from cutenv.rig.devices.drivers import DriveState, ForceSample, MotionSample
-from cutenv.rig.safety.force_monitor import ForceMonitor, ForceReadings
-from cutenv.rig.safety.motion_monitor import FollowingMonitor, MotionMonitor
+from cutenv.rig.safety.monitors import FollowingMonitor, ForceMonitor, ForceReadings, MotionMonitor
 from cutenv.rig.safety.stop_causes import STILL, SURPLUS, Cause, SampleRateMonitor
 
 SYNC = 0.005

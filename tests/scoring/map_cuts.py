@@ -7,8 +7,8 @@ from typing import Any
 
 from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.envs.path_cut import PathCutEnv
-from cutenv.policy.depth_scripts import HoldDepth
-from cutenv.policy.path_scripts import PATH_SCRIPTS
+from cutenv.policy.depth_policies import HoldDepth
+from cutenv.policy.path_policies import PATH_SCRIPTS
 from cutenv.tissue.lines import half_ellipse
 from cutenv.trace import Trace
 from scripts.validation.scoring import check_score

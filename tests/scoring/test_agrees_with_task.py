@@ -17,7 +17,7 @@ from cutenv.policy import BASELINES
 from cutenv.scoring import ScoreCard, Truth, score
 from cutenv.scoring.points import MAP_POINTS
 from cutenv.scoring.technique import FORCE_LIMIT_PER_DEPTH
-from cutenv.task.weights import Limits, RewardWeights
+from cutenv.task.reward import Limits, RewardWeights
 from cutenv.task_quantities import DEPTH_COSTS, PATH_COSTS
 from cutenv.trace import Trace
 from scripts.validation.scoring import check_score

@@ -13,8 +13,8 @@ from made_up_study import sawing
 from scored_cuts import CUTS, TARGET, changed, cut
 
 from cutenv.scoring import METRICS, ReferenceSet, ScoreCard, Truth, score
+from cutenv.scoring.cut_metrics import FORCE_WEIGHTS
 from cutenv.scoring.doubts import DOUBT
-from cutenv.scoring.metric import FORCE_WEIGHTS
 from cutenv.scoring.points import (
     ACCURACY_POINTS,
     LIMIT_POINTS,
@@ -24,7 +24,7 @@ from cutenv.scoring.points import (
 )
 from cutenv.scoring.reference import FEWEST_REFERENCE_CUTS
 from cutenv.scoring.score_card import FEWEST_WEIGHT
-from cutenv.scoring.study.trainee import mean_points, next_tries, outcome_counts
+from cutenv.scoring.study.learning import mean_points, next_tries, outcome_counts
 from cutenv.scoring.technique import TechniqueFault
 from cutenv.scoring.truth import TIP_AT_END
 from cutenv.task_quantities import CLOSE, TIP_TOLERANCE

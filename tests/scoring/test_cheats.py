@@ -18,7 +18,7 @@ from cutenv.scoring import ReferenceSet, ScoreCard, score
 from cutenv.scoring.doubts import DOUBT
 from cutenv.scoring.points import CHARGED
 from cutenv.scoring.truth import TIP_AT_END
-from cutenv.task.weights import RewardWeights
+from cutenv.task.reward import RewardWeights
 from cutenv.trace import Trace
 from scripts.validation.scoring.check_score import (
     CHANGES,

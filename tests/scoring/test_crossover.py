@@ -10,8 +10,7 @@ from made_up_study import sawing
 from scipy.stats import t as student
 from scipy.stats import ttest_rel
 
-from cutenv.report.study_page import write_study
-from cutenv.report.study_table import crossover_lines, crossover_rows
+from cutenv.report.study_page import crossover_lines, crossover_rows, write_study
 from cutenv.scoring import score
 from cutenv.scoring.study import StudiedCut, Study, condition_of, crossover, crossovers
 

@@ -21,7 +21,7 @@ from cutenv.scoring.score_card import EXPECTED_CUT
 from cutenv.scoring.truth import ASIDE_AT_END, TIP_AT_END
 from cutenv.task_quantities import LINE_LIMIT
 from cutenv.tissue import measured_liver
-from cutenv.tissue.expected_cut import along_line, expected_cut
+from cutenv.tissue.drawn_lines import along_line, expected_cut
 from cutenv.tissue.grid import N_POINTS, SPACING, depth_below
 from cutenv.tissue.lines import arc, bent, mirrored, places_within, straight, through
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import pearsonr, spearmanr
 
 from cutenv.scoring.study import rater_agreement, rater_correlation
-from cutenv.scoring.study.raters import _correlation, _ranks, mean_mark
+from cutenv.scoring.study.reliability import _correlation, _ranks, mean_mark
 
 PEOPLE = [f"P{i // 4}" for i in range(80)]
 

@@ -21,7 +21,7 @@ from cutenv._engine.randomness import generator
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.recording import load
 from cutenv.scoring import METRICS, ReferenceSet, ScoreCard, Truth, score
-from cutenv.scoring.metric import FORCE_WEIGHTS
+from cutenv.scoring.cut_metrics import FORCE_WEIGHTS
 from cutenv.tissue import Specimen, measured_liver
 from cutenv.trace import Trace
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from made_up_study import study
 from scipy import stats
 
-from cutenv.report.study_table import table_lines
+from cutenv.report.study_page import table_lines
 from cutenv.scoring import METRICS, ScoreCard, score
 from cutenv.scoring.study import (
     Cusum,

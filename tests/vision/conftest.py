@@ -20,7 +20,7 @@ def filmed(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
         pytest.importorskip(name, reason=f"{name} is an extra: pip install 'cutenv[vision]'")
     from cutenv.recording import save
     from cutenv.trace import Trace
-    from cutenv.vision.camera_calibration import CalibrationBoard, calibrate_cameras, halves
+    from cutenv.vision.cameras import CalibrationBoard, calibrate_cameras, halves
     from scripts.validation.vision.rendering.filmed_cut import film_cut
 
     folder: Path = tmp_path_factory.mktemp("film")

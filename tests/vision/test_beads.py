@@ -10,11 +10,10 @@ from scipy.spatial import cKDTree
 
 from cutenv.vision.bead_correspondence import linked, pairs_by_epipolar, places_from_sweep
 from cutenv.vision.bead_images import BeadLook, groups_of, measure_beads, shared_shifts
-from cutenv.vision.bead_tracks import BeadTracks
+from cutenv.vision.bead_tracks import BeadTracks, SpecimenFrame, clock_lag
 from cutenv.vision.beads import BeadFilter, find_beads, track_beads
 from cutenv.vision.fluoroscopy import deinterlaced
 from cutenv.vision.projection import project
-from cutenv.vision.registration import SpecimenFrame, clock_lag
 from scripts.validation.vision import carm_measurement
 from scripts.validation.vision.rendering.xray_session import CutHistory, Session
 

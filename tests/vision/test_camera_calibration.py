@@ -10,8 +10,13 @@ import pytest
 
 cv2 = pytest.importorskip("cv2", reason="cv2 is an extra: pip install 'cutenv[vision]'")
 
-from cutenv.vision.camera_calibration import CalibrationBoard, calibrate_cameras, halves, read_image  # noqa: E402
-from cutenv.vision.cameras import CalibratedCameras  # noqa: E402
+from cutenv.vision.cameras import (  # noqa: E402
+    CalibratedCameras,
+    CalibrationBoard,
+    calibrate_cameras,
+    halves,
+    read_image,
+)
 from scripts.validation.vision.rendering.board_images import held_boards  # noqa: E402
 
 TAGS = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)

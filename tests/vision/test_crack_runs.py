@@ -13,8 +13,7 @@ pytest.importorskip("av", reason="av is an extra: pip install 'cutenv[vision]'")
 
 from cutenv.tissue import CutModel
 from cutenv.vision.blade_mark import MarkedBlade
-from cutenv.vision.crack_runs import SeenRun, runs_and_drops, seen_runs
-from cutenv.vision.depth_record import filmed_depth
+from cutenv.vision.depth_record import SeenRun, filmed_depth, runs_and_drops, seen_runs
 from cutenv.vision.film_source import VideoFrame
 from cutenv.vision.marked_blade import BladeCameras
 from scripts.validation.vision.rendering.moved_tissue import MovedTissue

@@ -11,7 +11,7 @@ cv2 = pytest.importorskip("cv2", reason="cv2 is an extra: pip install 'cutenv[vi
 
 from cutenv.cli import main  # noqa: E402
 from cutenv.recording import load_one, save  # noqa: E402
-from cutenv.report.depth_page import FRAME_COLUMNS  # noqa: E402
+from cutenv.report.film_pages import FRAME_COLUMNS  # noqa: E402
 from cutenv.vision.cameras import CalibratedCameras  # noqa: E402
 
 

@@ -10,8 +10,16 @@ import pytest
 
 from cutenv.tissue import CutModel, Specimen
 from cutenv.vision import BeadTracks
-from cutenv.vision.field_comparison import compare_displacements, compare_field, estimate_zone_moduli, even_borders
-from cutenv.vision.filmed_measurement import FilmedMeasurement, MeanModulus, measure_filmed_cut, zones_as_measured
+from cutenv.vision.field_comparison import (
+    FilmedMeasurement,
+    MeanModulus,
+    compare_displacements,
+    compare_field,
+    estimate_zone_moduli,
+    even_borders,
+    measure_filmed_cut,
+    zones_as_measured,
+)
 from scripts.validation.measurement import filmed_cuts
 from scripts.validation.measurement.filmed_cuts import FilmedCut, slice_of_zones
 

@@ -8,8 +8,16 @@ from functools import partial
 import numpy as np
 import pytest
 
-from cutenv.vision.distortion import DISTORTION_MODELS, THESIS_ERROR, Distortion, fit_distortion
-from cutenv.vision.fluoroscopy import CArmCalibration, CArmView, calibrate_view, deinterlaced
+from cutenv.vision.fluoroscopy import (
+    DISTORTION_MODELS,
+    THESIS_ERROR,
+    CArmCalibration,
+    CArmView,
+    Distortion,
+    calibrate_view,
+    deinterlaced,
+    fit_distortion,
+)
 from cutenv.vision.projection import CArm
 from cutenv.vision.spots import CalibrationRefusedError, locate_grid
 from scripts.validation.vision.rendering.xray import XRayCamera

@@ -21,7 +21,7 @@ from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.recording import load_one
 from cutenv.rig.config.settings import CameraSettings
 from cutenv.rig.devices.camera import CAMERA_NOTE, RigCamera
-from cutenv.rig.operation.self_check import inspect_camera
+from cutenv.rig.operation.preflight import inspect_camera
 from cutenv.vision import film_source
 from cutenv.vision.film_source import newest_frames
 

@@ -18,8 +18,7 @@ from pathlib import Path
 from cutenv.commands.options import RIG, command_parser
 from cutenv.commands.rig import reports_rig_errors
 from cutenv.imitated.connection import operator_of, settings_of
-from cutenv.rig.config.axes import Axis
-from cutenv.rig.config.settings import EMULATED, FAKE, RigSettings, SensorSettings
+from cutenv.rig.config.settings import EMULATED, FAKE, Axis, RigSettings, SensorSettings
 from cutenv.rig.devices.driver_registry import (
     KIND_OF_ROLE,
     DriverKind,
@@ -31,8 +30,14 @@ from cutenv.rig.devices.driver_registry import (
 )
 from cutenv.rig.devices.host import SystemClock, preferred
 from cutenv.rig.errors import RigError
-from cutenv.rig_drivers.conformance import HEADER, TriedPromise, conformance_rows
-from cutenv.rig_drivers.driver_conformance import TRIAL_TRAVEL, conform_force, conform_motion
+from cutenv.rig_drivers.conformance import (
+    HEADER,
+    TRIAL_TRAVEL,
+    TriedPromise,
+    conform_force,
+    conform_motion,
+    conformance_rows,
+)
 
 SECTIONS_TRIED = ("blade", "angle", "height", "side", "sensor")
 """Sections of a rig's file whose drivers can be tried."""

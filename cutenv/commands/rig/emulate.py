@@ -16,11 +16,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cutenv.commands.options import add_specimen_class, command_parser, reports_errors
-from cutenv.rig.config.axes import Axis
+from cutenv.rig.config.settings import Axis
 
 if TYPE_CHECKING:
     from cutenv.imitated.emulator.assembly import Options
-    from cutenv.imitated.emulator.serial.serial_rig import SerialOptions
+    from cutenv.imitated.emulator.serial_rig import SerialOptions
     from cutenv.rig.config.laid_specimen import Laid
 
 _ROTOR_INERTIA_PER_MASS = (Axis().lead / (2.0 * math.pi * Axis().gear)) ** 2  # [m2]
@@ -57,7 +57,7 @@ def main(argv: Sequence[str]) -> int:
     """Run the command until it is ended; return 0, or 2 if an option is bad or a port is taken."""
     arguments = _parser().parse_args(argv)
     from cutenv.imitated.emulator.emulated_bench import FAULTS, parsed_fault
-    from cutenv.imitated.emulator.serial.serial_rig import GRBL_FAULTS, SERIAL_FAULTS
+    from cutenv.imitated.emulator.serial_rig import GRBL_FAULTS, SERIAL_FAULTS
 
     known_faults = GRBL_FAULTS if arguments.grbl else SERIAL_FAULTS if arguments.serial else FAULTS
     if arguments.list_faults:
@@ -87,8 +87,8 @@ def _laid(arguments: argparse.Namespace) -> Laid | None:
 
 
 def _serial_options(arguments: argparse.Namespace) -> SerialOptions:
-    from cutenv.cutting.parameters import LawParameters
-    from cutenv.imitated.emulator.serial.serial_rig import SerialOptions
+    from cutenv.cutting.dtypes import LawParameters
+    from cutenv.imitated.emulator.serial_rig import SerialOptions
 
     kind = "--grbl" if arguments.grbl else "--serial"
     allowed = {"debt_length_mm": "debt_length", "blade_friction_Ns_m2": "friction_per_depth_speed"}
@@ -119,7 +119,7 @@ def _serial_options(arguments: argparse.Namespace) -> SerialOptions:
 
 
 def _options(arguments: argparse.Namespace) -> Options:
-    from cutenv.cutting.parameters import LawParameters
+    from cutenv.cutting.dtypes import LawParameters
     from cutenv.cutting.sensor import SensorParameters
     from cutenv.imitated.emulator.assembly import Options
     from cutenv.imitated.emulator.mechanics import Mechanics, hinge

@@ -211,7 +211,7 @@ def _dry_run(arguments: argparse.Namespace) -> int:
 
 def _run(arguments: argparse.Namespace) -> int:
     from cutenv.recording.lsl import LslOutlet
-    from cutenv.rig.operation.live_readings import published
+    from cutenv.rig.operation.recorder import published
     from cutenv.rig.safety.stop_causes import ENDS_SESSION
 
     if arguments.lsl and arguments.rig == "fake":

@@ -1,1 +1,4 @@
-"""Emulated rig: drive, screw, tissue and force sensor on the same wires, as a separate process."""
+"""Emulated rig.
+
+Drive, screw, tissue and force sensor on the same wires, as a separate process.
+"""

@@ -11,20 +11,18 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from cutenv._base.validation import in_range, one_of
-from cutenv.cutting.parameters import LawParameters
+from cutenv.cutting.dtypes import LawParameters
 from cutenv.cutting.sensor import SensorParameters
-from cutenv.imitated.emulator.board_server import BoardServer
 from cutenv.imitated.emulator.emulated_axis import EmulatedAxis
 from cutenv.imitated.emulator.emulated_bench import FAULTS, EmulatedBench
 from cutenv.imitated.emulator.hub import Frame, Hub
 from cutenv.imitated.emulator.mechanics import ARM, EmulatedTissue, Mechanics, hinge
 from cutenv.imitated.emulator.node import Node
-from cutenv.imitated.emulator.sensor_server import SensorServer
+from cutenv.imitated.emulator.sensor_server import BoardServer, SensorServer
 from cutenv.plant.simulator import ANGLE_RANGE, check_angle
-from cutenv.rig.config.axes import Axis, CrossAxis
 from cutenv.rig.config.laid_specimen import Laid
-from cutenv.rig.config.settings import SafetyLimits
-from cutenv.rig_drivers.analogue.sensor_calibration_file import AnalogueCalibration
+from cutenv.rig.config.settings import Axis, CrossAxis, SafetyLimits
+from cutenv.rig_drivers.analogue_sensor import AnalogueCalibration
 
 BLADE = Axis(low=-0.002, high=0.149)
 """Axis of the emulated rig's carriage."""
@@ -36,7 +34,9 @@ HINGE = Axis(
 
 
 class MechanicalRange(NamedTuple):
-    """Travel and speed of an emulated rig: axes as mounted, and the limits of its file.
+    """Travel and speed of an emulated rig.
+
+    Axes as mounted, and the limits of its file.
 
     Attributes
     ----------

@@ -1,4 +1,7 @@
-"""Base of every emulated rig: its loop of a millisecond at a time, events, and faults by name and parameters."""
+"""Base of every emulated rig.
+
+Its loop of a millisecond at a time, events, and faults by name and parameters.
+"""
 
 from __future__ import annotations
 
@@ -20,9 +23,9 @@ from cutenv.rig.config.laid_specimen import Laid
 from cutenv.rig.errors import RigError
 
 if TYPE_CHECKING:
-    from cutenv.imitated.emulator.board_server import BoardServer
     from cutenv.imitated.emulator.emulated_axis import EmulatedAxis
     from cutenv.imitated.emulator.node import Node
+    from cutenv.imitated.emulator.sensor_server import BoardServer
 
 
 Parameters = dict[str, Any]

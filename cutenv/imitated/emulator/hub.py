@@ -1,4 +1,6 @@
-"""CAN bus over TCP: a hub for clients of socketcand, such as python-can.
+"""CAN bus over TCP.
+
+A hub for clients of socketcand, such as python-can.
 
 Messages are ASCII between angle brackets: the hub greets with ``< hi >``, the client sends ``< open NAME >`` and ``<
 rawmode >``, and frames are then sent as ``< send ID LENGTH BYTES >`` and ``< frame ID TIME DATA >``, with numbers in
@@ -87,7 +89,9 @@ class _Client:
 
 
 class Hub:
-    """Server of socketcand on a TCP port, which passes each client's frames to the others and to ``receive``.
+    """Server of socketcand on a TCP port.
+
+    It passes each client's frames to the others and to ``receive``.
 
     Parameters
     ----------

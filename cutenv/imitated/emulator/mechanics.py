@@ -1,4 +1,6 @@
-"""Mechanics of the emulated rig: motor, gear, screw and carriage under a drive's control, and the tissue.
+"""Mechanics of the emulated rig.
+
+Motor, gear, screw and carriage under a drive's control, and the tissue.
 
 All quantities are referred to the carriage: metres and newtons for the blade, radians and newton metres for the hinge.
 A motor of inertia J at gear ratio i and lead h adds a mass of J (2 pi i / h)^2 there, far more than the carriage
@@ -20,13 +22,12 @@ from cutenv._base.validation import check_parameters, parameter
 from cutenv._engine.elementary import exp
 from cutenv._engine.jit import njit, njit_internal
 from cutenv.cutting.descent import HIGHEST, LOWEST
-from cutenv.cutting.parameters import LawParameters
+from cutenv.cutting.dtypes import LawParameters
 from cutenv.cutting.sensor import Sensor, SensorParameters
 from cutenv.imitated.tissue_in_plane import TissueInPlane, measured, within
 from cutenv.plant import DescendingPlant, SimulatedPlant
-from cutenv.rig.config.axes import Axis
 from cutenv.rig.config.laid_specimen import Laid
-from cutenv.rig.config.settings import PositionControl
+from cutenv.rig.config.settings import Axis, PositionControl
 from cutenv.rig.errors import RigError
 from cutenv.tissue.specimen import Specimen
 
@@ -42,7 +43,10 @@ MODE_OFF, MODE_VELOCITY, MODE_RAMP = 0, 1, 2
 
 @dataclass(frozen=True, kw_only=True)
 class Mechanics:
-    """Motor, gear and load; the defaults are those of the blade's carriage, :func:`hinge` gives the other's."""
+    """Motor, gear and load.
+
+    The defaults are those of the blade's carriage, :func:`hinge` gives the other's.
+    """
 
     lag: float = parameter(
         0.040,
@@ -394,7 +398,9 @@ class EmulatedTissue:
         self._added[axis] = force
 
     def advance(self, position: float, angle: float) -> float:
-        """Move the blade to ``position`` [m], ``angle`` [rad] and :attr:`places`; return the reading along the cut [N].
+        """Move the blade to ``position`` [m], ``angle`` [rad] and :attr:`places`.
+
+        Return the reading along the cut [N].
 
         It takes a millisecond. Outside the specimen, and of what a law describes, the blade is held at its border.
         """

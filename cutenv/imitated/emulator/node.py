@@ -1,4 +1,7 @@
-"""Emulated drive on the bus: NMT, heartbeats, SDO, mapped PDOs and emergencies around the states of CiA 402."""
+"""Emulated drive on the bus.
+
+NMT, heartbeats, SDO, mapped PDOs and emergencies around the states of CiA 402.
+"""
 
 from __future__ import annotations
 
@@ -13,9 +16,18 @@ from typing import Any
 from canopen import SdoAbortedError
 from canopen.sdo.server import SdoServer
 
-from cutenv.imitated.emulator.emulated_axis import FAULT_RESET_BIT, POWERED, DriveCommand, EmulatedAxis, after, command
+from cutenv.imitated.emulator.emulated_axis import (
+    FAULT_RESET_BIT,
+    POWERED,
+    Abort,
+    DriveCommand,
+    EmulatedAxis,
+    ObjectDictionary,
+    after,
+    command,
+    epos4,
+)
 from cutenv.imitated.emulator.hub import Frame
-from cutenv.imitated.emulator.object_dictionary import Abort, ObjectDictionary, epos4
 from cutenv.rig.devices.canopen.objects import ENABLE_OPERATION, PDO_UNUSED, Entry
 from cutenv.rig.devices.drivers import DriveState
 

@@ -1,4 +1,7 @@
-"""Process of the emulated rig: the server that runs in it, and the client that starts, connects to and ends it."""
+"""Process of the emulated rig.
+
+The server that runs in it, and the client that starts, connects to and ends it.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +34,7 @@ from cutenv.imitated.emulator.assembly import RANGES, EmulatedRig, Options
 from cutenv.imitated.emulator.control import ControlServer, EmulatorControl
 from cutenv.imitated.emulator.emulated_bench import STALL, EmulatedBench
 from cutenv.imitated.emulator.mechanics import position_control, turn_motor
-from cutenv.imitated.emulator.serial.serial_rig import EmulatedGrblRig, EmulatedSerialRig, SerialOptions
+from cutenv.imitated.emulator.serial_rig import EmulatedGrblRig, EmulatedSerialRig, SerialOptions
 from cutenv.rig.config.laid_specimen import Laid
 from cutenv.rig.config.settings import (
     EMULATED,
@@ -46,7 +49,7 @@ from cutenv.rig.config.settings import across as cross_axes
 from cutenv.rig.devices.host import prefer
 from cutenv.rig.errors import RigError
 from cutenv.rig.toml_file import to_toml
-from cutenv.rig_drivers.analogue.analogue_sensor import AnalogueOptions
+from cutenv.rig_drivers.analogue_sensor import AnalogueOptions
 from cutenv.rig_drivers.slow_profile import grbl_settings, slow_settings
 from cutenv.tissue.grid import N_POINTS, SPACING
 from cutenv.tissue.lines import straight
@@ -232,7 +235,9 @@ def _sensor(ready: dict[str, Any], host: str) -> SensorSettings:
 
 
 class RunningEmulator:
-    """Emulated rig in a process of its own, which ends with the ``with`` block, or with this process.
+    """Emulated rig in a process of its own.
+
+    It ends with the ``with`` block, or with this process.
 
     Parameters
     ----------

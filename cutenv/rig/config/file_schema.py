@@ -1,4 +1,7 @@
-"""Keys of a rig's file, from which it is read, written and explained: the fields of the settings, with their units."""
+"""Keys of a rig's file, with their units.
+
+They are the fields of the settings; the file is read, written and explained from them.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ from cutenv.rig.config.settings import RigSettings
 
 
 class FileKey(NamedTuple):
-    """One line of the file, for a field that :func:`~cutenv.rig.config.setting.setting` declares.
+    """One line of the file, for a field that :func:`~cutenv.rig.config.settings.setting` declares.
 
     Attributes
     ----------
@@ -60,7 +63,10 @@ class FileKey(NamedTuple):
 
 
 class FileSection(NamedTuple):
-    """One table of the file; the one without a name is at the top."""
+    """One table of the file.
+
+    The one without a name is at the top.
+    """
 
     name: str
     about: str

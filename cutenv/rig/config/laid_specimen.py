@@ -1,4 +1,7 @@
-"""Specimen on a rig's bench: what is laid on that of an imitated rig, and the depth of cut measured by caliper."""
+"""Specimen on a rig's bench.
+
+It is what is laid on that of an imitated rig, or a depth of cut measured by caliper.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Devices of a rig: what a driver of your own needs, and the drivers that come with the package."""
+"""Devices of a rig.
+
+Here is what a driver of your own needs, and the drivers that come with the package.
+"""
 
 from cutenv.rig.devices.driver_registry import DriverKind, DriverTraits, Mounting, registered_drivers, rig_driver
 from cutenv.rig.devices.drivers import (

@@ -1,4 +1,7 @@
-"""Camera beside the rig: a process of its own reads it and measures the depth, so that it can delay nothing here."""
+"""Camera beside the rig.
+
+A process of its own reads it and measures the depth, so that it can delay nothing here.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,9 @@ _PATIENCE = 30.0  # for the depth to be put into a record [s]
 
 
 class RigCamera:
-    """Camera that measures the depth of cut; its process begins at once, and its messages are kept as they come.
+    """Camera that measures the depth of cut.
+
+    Its process begins at once, and its messages are kept as they come.
 
     Parameters
     ----------

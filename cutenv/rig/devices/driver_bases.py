@@ -1,4 +1,7 @@
-"""Bases of drivers, of an axis with its latch and a sensor with its tare: opening and closing in order, waiting."""
+"""Bases of drivers: an axis with latch, a sensor with tare.
+
+They open and close in order, and wait.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ from collections.abc import Callable
 from typing import ClassVar
 
 from cutenv._base.validation import in_range
-from cutenv.rig.config.axes import Axis
+from cutenv.rig.config.settings import Axis
 from cutenv.rig.devices.drivers import DriveState, Event, ForceListener, ForceSample, Latch, MotionListener
 from cutenv.rig.devices.host import Clock
 from cutenv.rig.devices.reading_stream import ReadingMean, ReadingStream, Zero
@@ -93,7 +96,9 @@ class AxisDriver(ABC):
     # Life cycle
 
     def open(self, listener: MotionListener) -> None:
-        """Connect, check who answers, write and verify the set-up; samples arrive from now on, nothing moves.
+        """Connect, check who answers, write and verify the set-up.
+
+        Samples arrive from now on, nothing moves.
 
         Raises
         ------

@@ -1,4 +1,6 @@
-"""Registry of drivers: what ``driver = "..."`` in a rig's file names, in this package, in another, or by its class.
+"""Registry of drivers.
+
+It finds what ``driver = "..."`` in a rig's file names, in this package, in another, or by its class.
 
 A driver is a class, or a function, that is called with a :class:`Mounting` and returns a
 :class:`~cutenv.rig.devices.drivers.MotionDriver`, a :class:`~cutenv.rig.devices.drivers.ForceDriver` or a
@@ -16,9 +18,8 @@ from typing import Any, NamedTuple, TypeVar
 
 from cutenv._base.imports import import_from_here
 from cutenv._base.validation import one_of
-from cutenv.rig.config.axes import Axis
 from cutenv.rig.config.file_schema import FileKey, keys_of
-from cutenv.rig.config.settings import CameraSettings, RigSettings, SensorSettings
+from cutenv.rig.config.settings import Axis, CameraSettings, RigSettings, SensorSettings
 from cutenv.rig.devices.host import Clock
 
 Made = TypeVar("Made", bound=Callable[..., Any])
@@ -26,7 +27,10 @@ Shared = TypeVar("Shared")
 
 
 class DriverKind(StrEnum):
-    """Kind of a driver; packages register theirs as an entry point of the group."""
+    """Kind of a driver.
+
+    Packages register theirs as an entry point of the group.
+    """
 
     MOTION = "motion"
     FORCE = "force"
@@ -52,16 +56,16 @@ OPTIONS = "options"
 """Name of the table of a driver's own keys, as in ``[blade.options]``."""
 OWN_DRIVERS: Mapping[DriverKind, Mapping[str, str]] = {
     DriverKind.MOTION: {
-        "canopen": "cutenv.rig.devices.canopen.mounted_axis:mounted_axis",
-        "serial": "cutenv.rig.devices.serial.stepper_axis:StepperAxis",
+        "canopen": "cutenv.rig.devices.mounted:mounted_axis",
+        "serial": "cutenv.rig.devices.serial.board_drivers:StepperAxis",
         "grbl": "cutenv.rig_drivers.grbl_axis:GrblAxis",
     },
     DriverKind.FORCE: {
-        "analogue": "cutenv.rig_drivers.analogue.analogue_sensor:AnalogueSensor",
+        "analogue": "cutenv.rig_drivers.analogue_sensor:AnalogueSensor",
         "bota": "cutenv.rig_drivers.bota_sensor:bota_sensor",
-        "netft": "cutenv.rig.devices.netft.mounted_sensor:mounted_sensor",
+        "netft": "cutenv.rig.devices.mounted:mounted_sensor",
         "robotiq": "cutenv.rig_drivers.robotiq_sensor:robotiq_sensor",
-        "serial": "cutenv.rig.devices.serial.load_cell:LoadCell",
+        "serial": "cutenv.rig.devices.serial.board_drivers:LoadCell",
     },
     DriverKind.CAMERA: {"opencv": "cutenv.vision.film_source:mounted_camera"},
 }
@@ -87,7 +91,9 @@ CONDITIONAL = frozenset().union(*OWN_KEYS.values()) | {f"{axis}.lead" for axis i
 
 @dataclass(frozen=True, kw_only=True)
 class Mounting:
-    """Place of a driver on a rig: all that it is made from.
+    """Place of a driver on a rig.
+
+    All that it is made from.
 
     Attributes
     ----------
@@ -131,7 +137,7 @@ class DriverTraits:
     Attributes
     ----------
     options : type or None
-        Frozen dataclass of its options, each field a :func:`cutenv.rig.config.setting.setting`; they stand in the
+        Frozen dataclass of its options, each field a :func:`cutenv.rig.config.settings.setting`; they stand in the
         file's table ``[blade.options]``, ``[sensor.options]`` and so on. None: it has none.
     needs : tuple of str
         Names of fields of the section that a person has to supply, such as "lead"; "bus.interface" of another section.

@@ -1,4 +1,7 @@
-"""Interfaces to the hardware: axis, sensor, their samples in SI and radians, listeners, and the latch they share."""
+"""Interfaces to the hardware.
+
+Axis, sensor, their samples in SI and radians, listeners, and the latch they share.
+"""
 
 from __future__ import annotations
 
@@ -61,7 +64,9 @@ WATCHFUL = 0.020
 
 
 class Latch:
-    """Phase of one rig, and when it was last judged; may be read and changed from any thread.
+    """Phase of one rig, and when it was last judged.
+
+    May be read and changed from any thread.
 
     An axis without a supervisor has its own; a supervisor shares one with all its axes.
 
@@ -100,7 +105,9 @@ class Latch:
 
     @contextmanager
     def resetting(self) -> Iterator[None]:
-        """Enter the resetting phase for the block, which clears the drives; the rig is locked at its end.
+        """Enter the resetting phase for the block, which clears the drives.
+
+        The rig is locked at its end.
 
         Raises
         ------
@@ -209,7 +216,10 @@ def interpolated(
 
 
 class MotionListener(Protocol):
-    """Receiver of an axis's reports; called from the driver's threads, and must never wait."""
+    """Receiver of an axis's reports.
+
+    Called from the driver's threads, and must never wait.
+    """
 
     def motion(self, axis: str, sample: MotionSample) -> None:
         """Take a sample of position, speed and state that has arrived."""
@@ -233,7 +243,10 @@ class MotionListener(Protocol):
 
 
 class ForceListener(Protocol):
-    """Receiver of a sensor's readings; called from the driver's thread for every packet, and must never wait."""
+    """Receiver of a sensor's readings.
+
+    Called from the driver's thread for every packet, and must never wait.
+    """
 
     def force(self, sample: ForceSample) -> None:
         """Take a reading that has arrived, in order of its sequence."""
@@ -245,7 +258,10 @@ class ForceListener(Protocol):
 
 
 class Observer(Protocol):
-    """Receiver of the same reports as the supervisor; called in the drivers' threads, and must never wait."""
+    """Receiver of the same reports as the supervisor.
+
+    Called in the drivers' threads, and must never wait.
+    """
 
     def force(self, sample: ForceSample) -> None:
         """Take a reading that has arrived."""
@@ -261,7 +277,9 @@ class Observer(Protocol):
 
 
 class MotionDriver(Protocol):
-    """One axis under velocity control: the carriage of the blade, its angle, height, or place to the side.
+    """One axis under velocity control.
+
+    The carriage of the blade, its angle, height, or place to the side.
 
     SI and radians; the driver knows gear, lead and encoder. Every method raises :class:`RigError` if the axis does not
     answer in time.
@@ -308,7 +326,9 @@ class MotionDriver(Protocol):
         ...
 
     def about(self) -> dict[str, float | str]:
-        """Return the data that the open drive reports about itself; a number's name ends with its unit.
+        """Return the data that the open drive reports about itself.
+
+        A number's name ends with its unit.
 
         Of an axis across the cut "homed" is among them: "yes", or "no".
         """
@@ -321,7 +341,10 @@ class MotionDriver(Protocol):
 
 @runtime_checkable
 class ZeroedByHand(Protocol):
-    """Axis without a reference of its own: a person puts it at the clamp, and says so, whenever it had no power."""
+    """Axis without a reference of its own.
+
+    A person puts it at the clamp, and says so, whenever it had no power.
+    """
 
     def set_zero(self) -> None:
         """Take the present position, without power, as zero."""

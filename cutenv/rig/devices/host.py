@@ -1,4 +1,6 @@
-"""Computer of a rig: its clock, as an argument, and the process that owns the rig, with real-time priority.
+"""Computer of a rig.
+
+Its clock, as an argument, and the process that owns the rig, with real-time priority.
 
 The clock is the machine's own, with threads, or a fake one that tests move by hand, without threads.  A fork of the
 process inherits memory and sockets, and must not use them.  With the priority a busy computer stops no cut.
@@ -171,7 +173,9 @@ class _Due:
 
 
 class Attempt:
-    """Call in a thread of its own, for a driver may never return from it; in this one where none can be started.
+    """Call in a thread of its own, as drivers may hang.
+
+    It is in this thread where none can be started.
 
     So it is when the interpreter ends.
 
@@ -212,7 +216,10 @@ class Attempt:
 
 
 class FakeClock:
-    """Clock that moves only while somebody waits: due actions then run in order, in the waiting thread."""
+    """Clock that moves only while somebody waits.
+
+    Due actions then run in order, in the waiting thread.
+    """
 
     def __init__(self, start: float = 100.0) -> None:
         self._now = start
@@ -291,7 +298,9 @@ SWITCH = 0.0005
 
 
 def prefer(*, first_in: bool = False) -> bool:
-    """Give this thread, and those that it starts later, real-time priority; return whether that was allowed.
+    """Give this thread, and those that it starts later, real-time priority.
+
+    Return whether that was allowed.
 
     Linux allows it to root, and to users with ``rtprio`` in ``/etc/security/limits.d``. A thread that is ``first_in``
     runs until it waits; others of the same priority take turns.
@@ -331,7 +340,9 @@ def undisturbed() -> Iterator[None]:
 
 @contextmanager
 def preferred() -> Iterator[bool]:
-    """Run the block :func:`undisturbed` and with real-time priority; yield whether the priority was allowed.
+    """Run the block :func:`undisturbed` and with real-time priority.
+
+    Yield whether the priority was allowed.
 
     It is for a process that holds a rig's threads itself. A policy's program must not have it: one that computes
     without end would use up what the system grants all real-time threads together, and its spine would stand still.

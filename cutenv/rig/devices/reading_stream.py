@@ -1,4 +1,7 @@
-"""Readings of a force sensor by their regular numbers, where packets arrive with jitter: order, mean and time."""
+"""Readings of a force sensor by their regular numbers.
+
+Packets arrive with jitter; the numbers give their order, mean and time.
+"""
 
 from __future__ import annotations
 
@@ -144,7 +147,10 @@ class ReadingStream:
 
 
 class ReadingMean:
-    """Mean of so many readings, and of its ten parts; updated in the sensor's thread."""
+    """Mean of so many readings, and of its ten parts.
+
+    Updated in the sensor's thread.
+    """
 
     def __init__(self, samples: float) -> None:
         cure = "A fifth of a second is usual: 200 at 1 kHz."

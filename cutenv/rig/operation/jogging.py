@@ -1,4 +1,7 @@
-"""Jogging, which moves the blade while a key is held: the command at each instant, and the loop that sends it."""
+"""Jogging, which moves the blade while a key is held.
+
+The command at each instant, and the loop that sends it.
+"""
 
 from __future__ import annotations
 
@@ -60,7 +63,10 @@ _LETTERS = {
 
 
 class KeyDecoder:
-    """Decoder from a terminal's bytes to keys; an arrow is three bytes, which may come one by one."""
+    """Decoder from a terminal's bytes to keys.
+
+    An arrow is three bytes, which may come one by one.
+    """
 
     def __init__(self) -> None:
         self._begun = b""
@@ -149,7 +155,9 @@ class Keyboard(Protocol):
 
 
 def jog(plant: RigPlant, keyboard: Keyboard, controls: Jog, show: Callable[[str], None]) -> None:
-    """Move a released blade by keys until they ask to quit; the blade then rests, and the rig is locked.
+    """Move a released blade by keys until they ask to quit.
+
+    The blade then rests, and the rig is locked.
 
     Parameters
     ----------

@@ -1,4 +1,7 @@
-"""Person beside the rig, who is asked before anything moves: at a terminal, and with a time limit."""
+"""Person beside the rig, who is asked before anything moves.
+
+The questions are at a terminal, and with a time limit.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Session with a rig, prepared once, then cut after cut on specimens that are supplied; and the rows of its records."""
+"""Session with a rig, and the rows of its records.
+
+It is prepared once, then cuts one supplied specimen after another.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import Operator
 from cutenv.rig.operation.preflight import SETTLE, Check, prepare
 from cutenv.rig.plant import RigPlant
-from cutenv.rig.safety.guard import guarded
+from cutenv.rig.safety.oversight import guarded
 from cutenv.rig.safety.stop_causes import ENDS_SESSION, WATCH, RigStopped
 from cutenv.rig.travel import RAISE_SPEED
 from cutenv.tissue.grid import depth_below
@@ -71,7 +74,10 @@ def recorded_rows(plant: RigPlant, readings: StructArray) -> tuple[list[Reading]
 
 @dataclass(frozen=True, kw_only=True)
 class SpecimenKey:
-    """Key of a drawn specimen; hardware cuts whatever is laid, and stores the key as a label."""
+    """Key of a drawn specimen.
+
+    Hardware cuts whatever is laid, and stores the key as a label.
+    """
 
     seed: int
     episode: int
@@ -82,7 +88,10 @@ class SpecimenKey:
 
 
 class SpecimenSource(Protocol):
-    """Supply that lays the next specimen, with the blade at the clamp, at rest and without power."""
+    """Supply that lays the next specimen.
+
+    The blade is at the clamp, at rest and without power.
+    """
 
     def mount(self, key: SpecimenKey) -> NDArray[np.float64] | None:
         """Lay a specimen; return its measured depth of cut, shape (301,) [m], or None if the caller knows it."""
@@ -90,7 +99,9 @@ class SpecimenSource(Protocol):
 
 
 class SpecimensByHand:
-    """Supply by a person, who has measured each specimen's depth by caliper and written it into the rig's file.
+    """Supply by a person, who has measured each specimen's depth.
+
+    The depth is measured by caliper and written into the rig's file.
 
     Parameters
     ----------
@@ -108,7 +119,9 @@ class SpecimensByHand:
         self._profile, self._operator, self._lower = profile, operator, lower
 
     def mount(self, key: SpecimenKey) -> NDArray[np.float64] | None:
-        """Ask for a new specimen; return its depth along the cut, shape (301,) [m].
+        """Ask for a new specimen.
+
+        Return its depth along the cut, shape (301,) [m].
 
         Raises
         ------
@@ -291,7 +304,9 @@ class RigSession:
             self.start()
 
     def start(self) -> None:
-        """Release the rig for the cut's commands; until here it is locked, however long a policy takes to be ready.
+        """Release the rig for the cut's commands.
+
+        Until here it is locked, however long a policy takes to be ready.
 
         Raises
         ------
@@ -313,7 +328,9 @@ class RigSession:
         self.plant.halt()
 
     def close(self) -> None:
-        """Stop any motion and close the rig; may be called twice. The report names an exception under way as the cause.
+        """Stop any motion and close the rig.
+
+        May be called twice. The report names an exception under way as the cause.
 
         Does nothing in a fork of the process that has opened it.
         """

@@ -1,4 +1,7 @@
-"""Suitability of a rig: decisions a second, ways of a stop, and tasks that it can do, from its file alone."""
+"""Suitability of a rig.
+
+Decisions a second, ways of a stop, and tasks that it can do, from its file alone.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ from cutenv.cutting.sensor import SensorParameters
 from cutenv.rig.config.identified import environment_arguments
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.driver_registry import KIND_OF_ROLE, traits_of
-from cutenv.rig.devices.serial.load_cell import sensor_delay
+from cutenv.rig.devices.serial.board_drivers import sensor_delay
 from cutenv.rig.safety.stop_causes import Cause, detection_times
 from cutenv.rig.safety.supervisor import MARGIN
 

@@ -1,4 +1,7 @@
-"""Causes of a stop, the longest time to detect each, its report; and quick stops, repeated until the drives obey."""
+"""Causes of a stop, its report, and repeated quick stops.
+
+Each cause has a longest time to detect it. Quick stops are repeated until the drives obey.
+"""
 
 from __future__ import annotations
 
@@ -156,7 +159,10 @@ def detection_times(limits: SafetyLimits, *, packet: float = 0.001, sync: float 
 
 @dataclass(kw_only=True)
 class StopReport:
-    """Report of a stop; times on the rig's clock [s], None for what has not happened yet."""
+    """Report of a stop.
+
+    Times on the rig's clock [s], None for what has not happened yet.
+    """
 
     cause: Cause
     detail: str
@@ -230,7 +236,9 @@ _OFTEN = 0.0005  # [s] between two answers to another master's frames: no more b
 
 
 class QuickStops:
-    """Sender of quick stops to the axes of a stopped rig; call it without a lock, and only while the rig is stopped.
+    """Sender of quick stops to the axes of a stopped rig.
+
+    Call it without a lock, and only while the rig is stopped.
 
     A single frame may be lost, or undone by another master: they are repeated until every drive is seen to obey. Each
     is sent from a thread of its own: a driver that does not return, or raises, keeps no other axis from its stop.

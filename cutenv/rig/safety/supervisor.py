@@ -1,4 +1,6 @@
-"""Safety layer below the policy: it checks every sample and every command, and stops the blade on a breach.
+"""Safety layer below the policy.
+
+It checks every sample and every command, and stops the blade on a breach.
 
 A software stop is not a safety function: wire the stop button to the drive's safe torque off.
 """
@@ -15,8 +17,7 @@ from cutenv.rig.config.settings import RigSettings, SafetyLimits
 from cutenv.rig.devices.drivers import DriveState, Event, ForceSample, Latch, MotionDriver, MotionSample, Phase
 from cutenv.rig.devices.host import Clock
 from cutenv.rig.errors import RigError
-from cutenv.rig.safety.force_monitor import ForceMonitor, ForceReadings
-from cutenv.rig.safety.motion_monitor import CREEP, MotionMonitor
+from cutenv.rig.safety.monitors import CREEP, ForceMonitor, ForceReadings, MotionMonitor
 from cutenv.rig.safety.stop_causes import Breach, Cause, QuickStops, StopReport
 
 MARGIN = 1.04
@@ -33,7 +34,9 @@ _FALLEN = (DriveState.QUICK_STOP, DriveState.REACTING, DriveState.FAULT)
 
 
 class Supervisor:
-    """Safety monitor of a rig: puts a quick stop on the bus at the first breach, and keeps the rig stopped.
+    """Safety monitor of a rig.
+
+    Puts a quick stop on the bus at the first breach, and keeps the rig stopped.
 
     The drivers' threads and the watchdog report to it, and every command passes through it. It refuses all motion until
     :meth:`release`; after a stop, :meth:`reset` has to come first.
@@ -369,7 +372,9 @@ class Supervisor:
                 self._latch.happens(Event.LOCK)  # nothing, if it was stopped meanwhile
 
     def lower(self, limits: SafetyLimits) -> None:
-        """Adopt each limit that is stricter than the present one; the others stay. For a rig that is locked.
+        """Adopt each limit that is stricter than the present one.
+
+        The others stay. For a rig that is locked.
 
         Raises
         ------
@@ -389,7 +394,9 @@ class Supervisor:
         self._held_until = math.inf
 
     def reset(self, agreed: bool) -> None:
-        """Clear what is :attr:`latched`, if the operator has explicitly ``agreed``; the drives are left without power.
+        """Clear what is :attr:`latched`, if the operator has explicitly ``agreed``.
+
+        The drives are left without power.
 
         Raises
         ------

@@ -1,13 +1,33 @@
-"""Studies of people by the metrics of their cuts: learning, reliability, separation. No claim of skill is made."""
+"""Studies of people by the metrics of their cuts.
+
+Learning, reliability, separation. No claim of skill is made.
+"""
 
 from cutenv.scoring.study.crossover import Crossover, condition_of, crossover, crossovers
 from cutenv.scoring.study.estimate import Estimate
 from cutenv.scoring.study.learning import Cusum, LearningCurve, cusum, learning_curve
-from cutenv.scoring.study.pass_mark import ErrorRate, PassMark, Proficiency, pass_mark, proficiency
-from cutenv.scoring.study.raters import RaterAgreement, RaterCorrelation, rater_agreement, rater_correlation
-from cutenv.scoring.study.reliability import Intraclass, OneWay, intraclass_correlation, one_way_reliability
+from cutenv.scoring.study.pass_mark import (
+    ErrorRate,
+    PassMark,
+    Proficiency,
+    Standard,
+    StandardSetting,
+    ValidityEvidence,
+    pass_mark,
+    proficiency,
+    validity_evidence,
+)
+from cutenv.scoring.study.reliability import (
+    Intraclass,
+    OneWay,
+    RaterAgreement,
+    RaterCorrelation,
+    intraclass_correlation,
+    one_way_reliability,
+    rater_agreement,
+    rater_correlation,
+)
 from cutenv.scoring.study.separation import Separation, separation
-from cutenv.scoring.study.standard_setting import Standard, StandardSetting, ValidityEvidence, validity_evidence
 from cutenv.scoring.study.study import Findings, NotEstimable, StudiedCut, Study
 
 __all__ = [

@@ -1,4 +1,7 @@
-"""Crossover: everybody cuts under two conditions, half of the people in the one order and half in the other."""
+"""Crossover: everybody cuts under two conditions.
+
+Half of the people cut in the one order and half in the other.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""A value with its confidence interval, if people are enough for one, and the input checks of a study's statistics."""
+"""A value with its confidence interval, and input checks.
+
+There is an interval if people are enough for one. The checks are those of a study's statistics.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Separation of two groups of people by a metric, with confidence intervals over people, not over cuts."""
+"""Separation of two groups of people by a metric.
+
+Its confidence intervals are over people, not over cuts.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,9 @@ _EDGE = 1e-9  # distance from 0 and 1, where Newcombe's variance vanishes
 
 @dataclass(frozen=True, kw_only=True)
 class Separation:
-    """Difference between the first group and the second; the unit is a person, represented by the mean of the cuts.
+    """Difference between the first group and the second.
+
+    The unit is a person, represented by the mean of the cuts.
 
     Attributes
     ----------

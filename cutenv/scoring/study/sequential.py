@@ -1,4 +1,6 @@
-"""Sequential comparison: look after every cut, and stop when it is decided, with a bound on the error all the same.
+"""Sequential comparison.
+
+Look after every cut, and stop when it is decided, with a bound on the error all the same.
 
 An outcome of a pair of cuts is a difference d between -``reach`` and ``reach``, such as of two returns.  Whoever
 believes that its mean is at most m stakes a fixed share of what he has on every pair, at fair odds: his wealth is

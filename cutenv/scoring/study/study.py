@@ -1,4 +1,7 @@
-"""A study of people: the score cards of many cuts, who made them, and the statistics of each metric."""
+"""A study of people.
+
+The score cards of many cuts, who made them, and the statistics of each metric.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ import numpy as np
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range, one_of
-from cutenv.scoring.metric import FORCE_WEIGHTS, METRICS, Direction
+from cutenv.scoring.cut_metrics import FORCE_WEIGHTS, METRICS, Direction
 from cutenv.scoring.score_card import ScoreCard
 from cutenv.scoring.study.estimate import FEWEST_COMPARED, FEWEST_RELIABLE
 from cutenv.scoring.study.learning import FEWEST_IN_CURVE, Cusum, LearningCurve, cusum, learning_curve

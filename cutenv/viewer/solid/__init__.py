@@ -1,9 +1,12 @@
-"""View of a recorded cut in 3-D, as one page that opens from disk; needs meshcat, of ``cutenv[view3d]``."""
+"""View of a recorded cut in 3-D, as one page.
+
+It opens from disk; it needs meshcat, of ``cutenv[view3d]``.
+"""
 
 from __future__ import annotations
 
 from cutenv.viewer.solid.curved_cut import CurvedCut
-from cutenv.viewer.solid.shown_cut import COLOURINGS, ShownCut
+from cutenv.viewer.solid.solids import COLOURINGS, ShownCut
 from cutenv.viewer.solid.view_page import write_curved_view, write_view
 
 __all__ = ["COLOURINGS", "CurvedCut", "ShownCut", "write_curved_view", "write_view"]

@@ -1,4 +1,7 @@
-"""Slab with cuts along any curve at one instant: elements of its model at rest and displaced, a solid, the blade."""
+"""Slab with cuts along any curve at one instant.
+
+Elements of its model at rest and displaced, a solid, the blade.
+"""
 
 from __future__ import annotations
 

@@ -21,8 +21,7 @@ from cutenv.learning.evaluation import Contestant, evaluate
 from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import differences, summarise
 from cutenv.policy import BASELINES, CONSTANT_FEEDS, GRID_ANGLES, GRID_SPEEDS, NULL_POLICIES, ORACLE, SCRIPTS, feed_name
-from cutenv.task.reward import SAFETY_ENDS, WORST_STORED
-from cutenv.task.weights import RewardWeights
+from cutenv.task.reward import SAFETY_ENDS, WORST_STORED, RewardWeights
 from cutenv.task_quantities import TIME_SCALE
 from cutenv.tissue.specimen import CLASSES
 from scripts import ROOT

@@ -28,14 +28,14 @@ import numpy as np
 
 from cutenv._base.arrays import Array, Array32, Indices
 from cutenv._engine.jit import njit
-from cutenv.envs.batch import CutBatch
+from cutenv.envs.vector import CutBatch
 from cutenv.learning.seeds import TEST_SEEDS, VALIDATION_SEEDS
 from cutenv.learning.statistics import by_policy
 from cutenv.policy import OneReturnStroke, StopAndUnload
-from cutenv.policy.depth_scripts import DepthByTwoForces, FollowDepth
+from cutenv.policy.depth_policies import DepthByTwoForces, FollowDepth
 from cutenv.policy.interface import SPEED_COLUMN, ArrayPolicy
 from cutenv.policy.map_planner import wanted_bend
-from cutenv.policy.path_scripts import (
+from cutenv.policy.path_policies import (
     ALONG_NUMBERS,
     ENDING_NUMBERS,
     EXCISION_NUMBERS,
@@ -151,7 +151,7 @@ LENGTHS = (0.0053, 0.0055, 0.0029, 0.0011)
 class PathRung(SteerByForce):
     """The script with the tip, its distance to the line, or the direction of the crack from elsewhere.
 
-    ``numbers`` are those of the script, see :func:`cutenv.policy.path_scripts.with_numbers`.
+    ``numbers`` are those of the script, see :func:`cutenv.policy.path_policies.with_numbers`.
     """
 
     def __init__(

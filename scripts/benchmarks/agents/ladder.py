@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from cutenv._base.arrays import Array, StructArray
-from cutenv.envs.batch import CutBatch
+from cutenv.envs.vector import CutBatch
 from cutenv.learning.evaluation import Contestant, evaluate
 from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import by_policy

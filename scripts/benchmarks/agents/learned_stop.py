@@ -26,8 +26,8 @@ from torch import nn
 from tqdm import tqdm
 
 from cutenv._base.arrays import Array, Array32, Indices
-from cutenv.envs.batch import CutBatch
 from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.envs.vector import CutBatch
 from cutenv.learning.seeds import TEST_SEEDS, TRAINING_SEEDS
 from cutenv.learning.statistics import by_policy, differences
 from cutenv.policy import BASELINES, Features, OneReturnStroke, StopAndUnload

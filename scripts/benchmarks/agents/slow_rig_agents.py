@@ -35,7 +35,7 @@ from cutenv.rig.operation.suitability import decisions, simulator_keywords, top_
 from cutenv.rig.toml_file import to_toml, write_identified
 from cutenv.sim_to_real import ComparedCut
 from cutenv.sim_to_real.paired_experiment import LOST_TIME, cut_once, simulator_like
-from cutenv.task.episode_dtypes import STOPPED
+from cutenv.task.reward import STOPPED
 from scripts.tables import interval_text, keep_json, kept_json, mean_text
 
 FOLDER = Path("runs") / "slow-rig"

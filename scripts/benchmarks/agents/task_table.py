@@ -28,9 +28,8 @@ from typing import Any
 import numpy as np
 
 from cutenv.envs.depth_cut import DepthCutEnv
-from cutenv.envs.excision import ExcisionEnv
 from cutenv.envs.gentle_cut import GentleCutEnv
-from cutenv.envs.path_cut import PathCutEnv
+from cutenv.envs.path_cut import ExcisionEnv, PathCutEnv
 from cutenv.learning.evaluation import Contestant, contestant, evaluate
 from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import by_policy, differences, summarise

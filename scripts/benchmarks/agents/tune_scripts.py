@@ -24,9 +24,9 @@ from typing import Any
 import numpy as np
 
 from cutenv._base.arrays import Array
-from cutenv.envs.batch import CutBatch
+from cutenv.envs.vector import CutBatch
 from cutenv.learning.seeds import TRAINING_SEEDS, VALIDATION_SEEDS
-from cutenv.policy.path_scripts import (
+from cutenv.policy.path_policies import (
     BladeOnLine,
     LookAhead,
     OutsideTheBend,
@@ -68,7 +68,7 @@ ALONG = {
     "margin": Number(-0.0005, -0.015, 0.005),
     "retreat_speed": Number(0.012, 0.003, 0.0254),
 }
-"""Numbers of the script along the cut, :data:`cutenv.policy.path_scripts.ALONG_NUMBERS`."""
+"""Numbers of the script along the cut, :data:`cutenv.policy.path_policies.ALONG_NUMBERS`."""
 
 
 @dataclass(frozen=True)

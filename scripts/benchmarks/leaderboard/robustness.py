@@ -14,10 +14,10 @@ from typing import Any
 from cutenv._base.output import atomic_write
 from cutenv._base.validation import parameter_table
 from cutenv.cutting.drive import Rig
-from cutenv.cutting.parameters import LawParameters
+from cutenv.cutting.dtypes import LawParameters
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.envs.constants import Knowledge
-from cutenv.task.weights import Limits
+from cutenv.task.reward import Limits
 from cutenv.tissue import measured_liver
 from cutenv.tissue.description import TissueDescription
 

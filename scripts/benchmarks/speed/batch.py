@@ -12,8 +12,7 @@ import cutenv  # noqa: F401  registers the environment
 from cutenv._base.arrays import StructArray
 from cutenv._engine.intrinsics import first_row
 from cutenv._engine.jit import njit_nogil
-from cutenv._engine.parallel import cores, parallel_for
-from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
+from cutenv._engine.parallel import WorkQueue, cores, mark_done, next_chunk, parallel_for
 from cutenv.cutting.motion import STRAIGHT, Moving
 from cutenv.cutting.row import ONE, begin, lane_views, plain_views, put, take
 from cutenv.cutting.simulate import Physics, hold_some

@@ -18,9 +18,9 @@ from cutenv._engine.parallel import cores
 from cutenv.cutting.dtypes import DRIVE, LAW, STATE
 from cutenv.cutting.row import LANES
 from cutenv.cutting.sensor import SENSOR
-from cutenv.task.episode_dtypes import PROGRESS, TASK
 from cutenv.task.info import INFO
 from cutenv.task.observation import COMPONENTS
+from cutenv.task.reward import PROGRESS, TASK
 from scripts.benchmarks.speed.measured import Measured, Number, fastest
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from cutenv.cutting.dtypes import profile_records
 from cutenv.cutting.motion import NOTHING
-from cutenv.cutting.parameters import profile_records
 from cutenv.cutting.steering import STEERED, steering_records
 from cutenv.tissue.lines import CutLine, half_ellipse, straight
 from scripts.benchmarks.speed.measured import Measured

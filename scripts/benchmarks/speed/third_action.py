@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv._engine.parallel import cores
-from cutenv.envs.batch import CutBatch
 from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.envs.vector import CutBatch
 from cutenv.task.registry import TASKS
 from scripts.benchmarks.speed.measured import Measured, Number, at_most
 

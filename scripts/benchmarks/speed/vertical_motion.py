@@ -11,12 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv._base.arrays import StructArray
-from cutenv._engine.work_queue import make_queue
+from cutenv._engine.parallel import make_queue
 from cutenv.cutting.descent import DESCENDING, descent_records, layered_profiles, shared_record
 from cutenv.cutting.drive import Rig
-from cutenv.cutting.dtypes import new_state
+from cutenv.cutting.dtypes import law_records, new_state
 from cutenv.cutting.motion import NOTHING, STRAIGHT, Motion
-from cutenv.cutting.parameters import law_records
 from cutenv.cutting.sensor import SensorParameters, sensor_records
 from cutenv.cutting.simulate import Physics, hold_some
 from cutenv.tissue import Layers, Specimen

@@ -20,7 +20,7 @@ from cutenv.tissue import CutModel
 from cutenv.tissue.tables import table
 from cutenv.trace import Trace
 from cutenv.vision.beads import track_beads
-from cutenv.vision.filmed_measurement import zones_as_measured
+from cutenv.vision.field_comparison import zones_as_measured
 from cutenv.vision.fluoroscopy import NTSC_RATE, CArmView
 from cutenv.vision.projection import project
 from scripts.drawings.thesis import xray_images

@@ -52,7 +52,7 @@ class FilmedLiver(NamedTuple):
 def filmed_liver(rate: float) -> FilmedLiver:
     """Cut a drawn liver, film it with two cameras at some frames a second, and measure its depth from the film."""
     # OpenCV and PyAV are an extra, which the other figures do not need.
-    from cutenv.vision.camera_calibration import CalibrationBoard, calibrate_cameras
+    from cutenv.vision.cameras import CalibrationBoard, calibrate_cameras
     from cutenv.vision.depth_record import filmed_depth
     from cutenv.vision.film_source import VideoFrame
     from cutenv.vision.marked_blade import BladeCameras, MarkedBlade

@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 
 from cutenv.measurement import loading_segments
 from cutenv.tissue import local_effective_modulus
+from cutenv.tissue.description import CUTS_PER_LIVER
 from cutenv.tissue.effective_modulus import linear_fit, power_fit
-from cutenv.tissue.variance_components import CUTS_PER_LIVER
 from scripts.derivations.specimens import SIGNIFICANT_DROP
 from scripts.drawings.thesis.experiments import KIND, TRAVEL, mark_segments, name_segments
 from scripts.drawings.thesis.style import DISPLACEMENT_LABEL, FORCE, INCLINED, LEM_LABEL, UPRIGHT, named, panels, save

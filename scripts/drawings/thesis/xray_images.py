@@ -10,8 +10,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-from cutenv.vision.distortion import THESIS_ERROR, FittedDistortion
-from cutenv.vision.fluoroscopy import CArmView, calibrate_view
+from cutenv.vision.fluoroscopy import THESIS_ERROR, CArmView, FittedDistortion, calibrate_view
 from cutenv.vision.projection import THESIS_MAGNIFICATION, fit_magnification
 from cutenv.vision.spots import GridHoles
 from scripts.drawings.thesis.style import FIRST, FORCE, STRAIN, STRESS, named, panels, save

@@ -27,7 +27,7 @@ from cutenv.browser import HandCut, write_page_alone
 from cutenv.browser.page_alone import OFFERED, specimen_data
 from cutenv.browser.stylus_steps import HandDepthCut, HandPathCut
 from cutenv.scoring import Truth, score
-from cutenv.scoring.metric import MAP_METRICS, METRICS
+from cutenv.scoring.cut_metrics import MAP_METRICS, METRICS
 from cutenv.scoring.points import task_points
 from cutenv.scoring.scored_cut import ScoredCut
 from cutenv.scoring.truth import TIP_AT_END

@@ -24,8 +24,14 @@ from cutenv.measurement.prediction import predicted_ramps
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.tissue import CutModel, Specimen
 from cutenv.tissue.tables import table
-from cutenv.vision.field_comparison import ZoneModuli, compare_field, estimate_zone_moduli
-from cutenv.vision.filmed_measurement import MeanModulus, measure_filmed_cut, zones_as_measured
+from cutenv.vision.field_comparison import (
+    MeanModulus,
+    ZoneModuli,
+    compare_field,
+    estimate_zone_moduli,
+    measure_filmed_cut,
+    zones_as_measured,
+)
 from scripts.tables import markdown_table
 from scripts.validation.measurement.filmed_cuts import filmed_cut, slice_of_zones
 from scripts.validation.thesis.models import FROM_THE_CLAMP, FROM_THE_LINE, TIP, TIP_DISPLACEMENT, displacement_of_beads

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.tissue import CutModel, Specimen
 from cutenv.tissue.grid import LENGTH, N_POINTS
-from cutenv.tissue.varying_modulus import zoned_model
+from cutenv.tissue.slab import zoned_model
 from cutenv.trace import Trace
 from cutenv.vision import BeadTracks
 

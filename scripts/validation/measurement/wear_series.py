@@ -23,7 +23,7 @@ from cutenv.measurement import estimate_fracture_resistance, fit_wear
 from cutenv.measurement.wear import without_friction
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.tissue import Specimen
-from cutenv.tissue.blade_wear import BladeWear
+from cutenv.tissue.specimen import BladeWear
 from scripts.tables import keep_json
 
 DEFAULT = Path("runs") / "wear.json"

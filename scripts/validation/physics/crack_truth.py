@@ -16,15 +16,13 @@ from typing import Any
 import numpy as np
 
 from cutenv.tissue import CutModel, PathModel, Specimen, SteeredModel
-from cutenv.tissue.drawn_lines import KINDS, LEAST_LENGTH, STORED, first_of_pair, given_line
+from cutenv.tissue.drawn_lines import KINDS, LEAST_LENGTH, STORED, along_line, first_of_pair, given_line
 from cutenv.tissue.elasticity import lame_parameters
-from cutenv.tissue.expected_cut import along_line
 from cutenv.tissue.grid import N_POINTS, SPACING
 from cutenv.tissue.lines import CutLine, arc, half_ellipse, length_within, random_line, s_shape, straight
 from cutenv.tissue.path_model import straight_stiffness
 from cutenv.tissue.place_model import beside_line
-from cutenv.tissue.split_mesh import SplitMesh
-from cutenv.tissue.split_stiffness import SplitStiffness
+from cutenv.tissue.split_mesh import SplitMesh, SplitStiffness
 from scripts.validation.physics.curves.calculix import compliance
 from scripts.validation.physics.promises import Row
 

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cutenv.report.study_table import table_lines
+from cutenv.report.study_page import table_lines
 from cutenv.scoring import METRICS, score
 from cutenv.scoring.study import StudiedCut, Study
 from cutenv.trace import Trace

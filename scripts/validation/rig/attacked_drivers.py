@@ -15,7 +15,7 @@ from cutenv.rig.devices.canopen.axis import CanopenAxis
 from cutenv.rig.devices.canopen.network import DRIVE_PATIENCE, CanNetwork
 from cutenv.rig.devices.driver_registry import Mounting, rig_driver
 from cutenv.rig.devices.drivers import ForceListener, ForceSample, MotionSample
-from cutenv.rig.devices.netft.netft_sensor import NetftSensor
+from cutenv.rig.devices.netft_sensor import NetftSensor
 
 ORDERS = "CUTENV_ATTACK"
 """Variable with the name of the file of :class:`Orders`."""

@@ -17,7 +17,7 @@ from pathlib import Path
 from cutenv.imitated.emulator.process import RunningEmulator, start
 from cutenv.rig.remote_spine import RemoteSpine
 from cutenv.rig.safety.stop_causes import Cause
-from cutenv.rig.spine_link import COMMAND, GO
+from cutenv.rig.spine_process import COMMAND, GO
 from scripts.validation.rig.attack_scene import FARTHEST, Attack, Found, Scene, named
 from scripts.validation.rig.attacks_on_process import paused, replaced
 from scripts.validation.rig.cutting_rig import SPEED, UPRIGHT

@@ -22,8 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from cutenv.rig.config.axes import Axis
-from cutenv.rig.config.settings import RigSettings, SensorCalibration, SensorSettings
+from cutenv.rig.config.settings import Axis, RigSettings, SensorCalibration, SensorSettings
 from cutenv.rig.devices import DriveState, ForceSample, Latch, MotionSample, Mounting, SystemClock, rig_driver
 from cutenv.rig.devices.host import prefer, preferred, undisturbed
 from cutenv.rig.hardware import rig_plant

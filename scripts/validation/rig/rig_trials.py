@@ -16,9 +16,9 @@ from cutenv.imitated.emulator.control import EmulatorControl
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.canopen.network import DRIVE_PATIENCE
 from cutenv.rig.devices.serial.board import BOARD_PATIENCE
-from cutenv.rig.devices.serial.load_cell import sensor_delay
+from cutenv.rig.devices.serial.board_drivers import sensor_delay
 from cutenv.rig.safety.stop_causes import Cause, RigStopped, StopReport, detection_times
-from cutenv.rig_drivers.grbl import PIECE, SENT_AHEAD
+from cutenv.rig_drivers.grbl_axis import PIECE, SENT_AHEAD
 from scripts.validation.rig.cutting_rig import PERIOD, SLOW, SPEED, UPRIGHT, WATCHED, CuttingRig, pace_of
 
 SENSOR_DELAY = 0.010

@@ -41,15 +41,14 @@ from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.measurement.depth import LAYER_DEPTH_KEY
 from cutenv.plant.protocol import recorded_trace, to_trace
 from cutenv.policy import NULL_POLICIES, ORACLE, SCRIPTS
-from cutenv.policy.depth_scripts import FollowDepth
+from cutenv.policy.depth_policies import FollowDepth
 from cutenv.policy.interface import PrivilegedPolicy
 from cutenv.scoring import score
 from cutenv.scoring.cut_map import LINE_KEY
 from cutenv.scoring.doubts import DOUBT
-from cutenv.scoring.lurches import QUICKNESS
 from cutenv.scoring.scored_cut import ScoredCut
 from cutenv.scoring.truth import ASIDE_AT_END, FLOOR_AT_END, TIP_AT_END
-from cutenv.scoring.validity import Unavailable
+from cutenv.scoring.validity import QUICKNESS, Unavailable
 from cutenv.task.depth import DEPTH_COMPONENTS
 from cutenv.task.observation import COMPONENTS
 from cutenv.task.registry import TASKS

@@ -38,9 +38,8 @@ from cutenv.scoring.study.sequential import (
     sequential_decisions,
     stops,
 )
-from cutenv.sim_to_real.opening import OpenedPolicy, forecast, opening_of, specimens_like
 from cutenv.sim_to_real.paired_experiment import DRAWS, cut_again, simulator_like
-from cutenv.sim_to_real.sequential_experiment import RigComparison
+from cutenv.sim_to_real.sequential_experiment import OpenedPolicy, RigComparison, forecast, opening_of, specimens_like
 from cutenv.tissue.specimen import Specimen
 from scripts.tables import keep, keep_json, markdown_table
 

@@ -23,8 +23,8 @@ from cutenv.measurement import ModulusEstimate, estimate_fracture_resistance, es
 from cutenv.measurement.segments import SMALLEST_DROP
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.tissue import CutModel, Specimen, draw_liver, measured_liver
+from cutenv.tissue.description import CUTS_PER_LIVER
 from cutenv.tissue.tables import table
-from cutenv.tissue.variance_components import CUTS_PER_LIVER
 from cutenv.trace import Trace
 from scripts.derivations.specimens import FEWEST_SEGMENTS, SIGNIFICANT_DROP, TRAVEL
 

@@ -23,10 +23,10 @@ from scipy.spatial import cKDTree
 
 from cutenv.vision.bead_correspondence import bundle_adjusted, linked, pairs_by_epipolar
 from cutenv.vision.bead_images import attenuation
+from cutenv.vision.bead_tracks import clock_lag
 from cutenv.vision.beads import find_beads, track_beads
 from cutenv.vision.fluoroscopy import CArmCalibration, deinterlaced
 from cutenv.vision.projection import project, triangulate
-from cutenv.vision.registration import clock_lag
 from scripts import ROOT
 from scripts.tables import markdown_table
 from scripts.validation.vision.carm_measurement import (

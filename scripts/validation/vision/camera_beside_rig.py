@@ -29,7 +29,7 @@ import numpy as np
 
 from cutenv.rig.config.settings import CameraSettings
 from cutenv.rig.devices.camera import RigCamera
-from cutenv.vision.camera_calibration import calibrate_cameras, halves
+from cutenv.vision.cameras import calibrate_cameras, halves
 from scripts.tables import keep_json, markdown_table
 from scripts.validation.rig import rig_soak
 from scripts.validation.vision.depth_accuracy import BOARD, BOARDS

@@ -29,8 +29,7 @@ from tqdm import tqdm
 from cutenv.measurement import estimate_fracture_resistance
 from cutenv.trace import Trace
 from cutenv.vision.blade_mark import MarkedBlade
-from cutenv.vision.camera_calibration import CalibrationBoard, calibrate_cameras, halves
-from cutenv.vision.cameras import CalibratedCameras
+from cutenv.vision.cameras import CalibratedCameras, CalibrationBoard, calibrate_cameras, halves
 from cutenv.vision.depth_record import FilmedDepth, filmed_depth
 from cutenv.vision.film_source import video_frames
 from cutenv.vision.marked_blade import BladeCameras

@@ -22,9 +22,8 @@ from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.tissue import CutModel, Specimen
 from cutenv.trace import Trace
 from cutenv.vision.blade_mark import MarkedBlade
-from cutenv.vision.camera_calibration import calibrate_cameras
-from cutenv.vision.crack_runs import RunsAndDrops, runs_and_drops, seen_runs
-from cutenv.vision.depth_record import filmed_depth
+from cutenv.vision.cameras import calibrate_cameras
+from cutenv.vision.depth_record import RunsAndDrops, filmed_depth, runs_and_drops, seen_runs
 from cutenv.vision.film_source import VideoFrame
 from cutenv.vision.marked_blade import BladeCameras
 from scripts.tables import keep_json, markdown_table

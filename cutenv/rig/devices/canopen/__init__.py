@@ -1,1 +1,4 @@
-"""A CiA 402 drive on CANopen, such as Maxon's EPOS4, as an axis of the rig; needs the extra ``cutenv[rig]``."""
+"""A CiA 402 drive on CANopen as an axis of the rig.
+
+Maxon's EPOS4 is such a drive. It needs the extra ``cutenv[rig]``.
+"""

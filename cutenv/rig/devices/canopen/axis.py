@@ -1,10 +1,13 @@
-"""Axis of the rig on one CiA 402 drive: state machine, commands, samples, and stop."""
+"""Axis of the rig on one CiA 402 drive.
+
+State machine, commands, samples, and stop.
+"""
 
 from __future__ import annotations
 
 from functools import partial
 
-from cutenv.rig.config.axes import Axis, CrossAxis
+from cutenv.rig.config.settings import Axis, CrossAxis
 from cutenv.rig.devices.canopen import configuration
 from cutenv.rig.devices.canopen import objects as o
 from cutenv.rig.devices.canopen.configuration import SdoChannel
@@ -62,7 +65,9 @@ class CanopenAxis(AxisDriver):
 
     @property
     def units(self) -> AxisUnits:
-        """Conversion to the drive's units; ``units.steps`` is 1000 for milli-rpm, 1 for whole rpm only.
+        """Conversion to the drive's units.
+
+        ``units.steps`` is 1000 for milli-rpm, 1 for whole rpm only.
 
         Raises
         ------

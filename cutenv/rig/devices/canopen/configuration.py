@@ -1,4 +1,7 @@
-"""Object dictionary of a drive by SDO: its set-up is read, compared, written and read back, before it moves."""
+"""Object dictionary of a drive by SDO.
+
+Its set-up is read, compared, written and read back, before it moves.
+"""
 
 from __future__ import annotations
 
@@ -9,8 +12,7 @@ import struct
 import threading
 from typing import Any
 
-from cutenv.rig.config.axes import Axis
-from cutenv.rig.config.settings import Bus
+from cutenv.rig.config.settings import Axis, Bus
 from cutenv.rig.devices.canopen import objects as o
 from cutenv.rig.devices.canopen.network import DRIVE_PATIENCE, CanNetwork
 from cutenv.rig.devices.canopen.objects import SDO_REQUEST_FRAME, SDO_RESPONSE_FRAME, AxisUnits, Entry
@@ -147,7 +149,9 @@ def check_identity(dictionary: SdoChannel, name: str, axis: Axis, bus: Bus) -> N
 
 
 def configure(dictionary: SdoChannel, name: str, axis: Axis, bus: Bus) -> AxisUnits:
-    """Write the set-up to a drive without power, in PRE-OPERATIONAL; return its units.
+    """Write the set-up to a drive without power, in PRE-OPERATIONAL.
+
+    Return its units.
 
     Raises
     ------

@@ -1,4 +1,7 @@
-"""Numbers defined by CiA 301, CiA 402 and the EPOS4: objects, words, modes, errors, PDOs; and conversion of units."""
+"""Numbers defined by CiA 301, CiA 402 and the EPOS4.
+
+Objects, words, modes, errors, PDOs; and conversion of units.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from cutenv._base.validation import in_range
-from cutenv.rig.config.axes import Axis
+from cutenv.rig.config.settings import Axis
 from cutenv.rig.devices.drivers import DriveState
 
 
@@ -145,7 +148,10 @@ EMERGENCY = struct.Struct("<HB5s")
 
 @dataclass(frozen=True)
 class Pdo:
-    """Frame of process data: its number, the objects of its set-up and mapping, its transmission type, its content."""
+    """Frame of process data.
+
+    Its number, the objects of its set-up and mapping, its transmission type, its content.
+    """
 
     frame: int
     set_up_at: int

@@ -1,4 +1,7 @@
-"""Board on a serial port that axis and sensor share: reader, sign of life, break of the line; lines ``TEXT*CRC``."""
+"""Board on a serial port that axis and sensor share.
+
+Reader, sign of life, break of the line; lines ``TEXT*CRC``.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,10 @@ class BoardState(IntEnum):
 
 
 class BoardFlag(IntFlag):
-    """Flags of the board: of its pins at this moment, and of what has stopped it until it is cleared."""
+    """Flags of the board.
+
+    They tell of its pins at this moment, and of what has stopped it until it is cleared.
+    """
 
     ZEROED = 1
     AT_LOW = 2
@@ -42,11 +48,17 @@ class BoardFlag(IntFlag):
 
 
 class LineError(ValueError):
-    """Error for a line that is damaged or says nothing that is known; the message names the fault."""
+    """Error for a line that is damaged or unknown.
+
+    The message names the fault.
+    """
 
 
 class MotionReport(NamedTuple):
-    """Report of the motion: number, state, flags, position [steps], rate [steps/s], lines that it did not take."""
+    """Report of the motion.
+
+    Number, state, flags, position [steps], rate [steps/s], lines that it did not take.
+    """
 
     sequence: int
     state: BoardState
@@ -57,7 +69,10 @@ class MotionReport(NamedTuple):
 
 
 class ForceReport(NamedTuple):
-    """Reading of the load cell: number, status (0: healthy, 1: at the end of the range), counts."""
+    """Reading of the load cell.
+
+    Number, status (0: healthy, 1: at the end of the range), counts.
+    """
 
     sequence: int
     status: int
@@ -73,7 +88,10 @@ class BoardIdentity(NamedTuple):
 
 
 class StepperSetup(NamedTuple):
-    """Set-up of the stepper: acceleration, that of a quick stop [steps/s2], top rate [steps/s], ends [steps]."""
+    """Set-up of the stepper.
+
+    Acceleration, that of a quick stop [steps/s2], top rate [steps/s], ends [steps].
+    """
 
     acceleration: int
     quick_stop: int
@@ -170,7 +188,9 @@ class BoardMember(Protocol):
 
 
 class SerialBoard:
-    """Board with the sketch of ``assets/firmware``; opened by the first member that joins, closed by the last to leave.
+    """Board with the sketch of ``assets/firmware``.
+
+    Opened by the first member that joins, closed by the last to leave.
 
     Parameters
     ----------
@@ -208,7 +228,9 @@ class SerialBoard:
         self._answers: dict[type[Any], Report] = {}
 
     def join(self, member: BoardMember) -> BoardIdentity:
-        """Add a member; the first opens the port and asks who answers. Returns the board's identity.
+        """Add a member.
+
+        The first opens the port and asks who answers. Returns the board's identity.
 
         Raises
         ------

@@ -1,1 +1,0 @@
-"""Analogue six-axis sensors through a data acquisition board."""
