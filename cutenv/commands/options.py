@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import functools
+import re
 import sys
+import textwrap
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -26,8 +28,8 @@ RIG = 'a rig\'s TOML file, "emulator", "serial" or "grbl" (emulated slow rigs) o
 """Help of every argument that names a rig."""
 
 
-SCREEN = 40
-"""Most lines that ``-h`` prints."""
+SCREEN = (24, 80)
+"""Lines and columns of the smallest usual terminal, which ``-h`` fits."""
 
 
 class CommandParser(argparse.ArgumentParser):
@@ -55,12 +57,41 @@ class CommandParser(argparse.ArgumentParser):
 
     def format_screen(self) -> str:
         """Return the whole help if it fits a screen, else what it begins with, and the names of the options."""
-        whole = self.format_help()
-        if whole.count("\n") <= SCREEN:
+        whole, (rows, columns) = self.format_help(), SCREEN
+        lines = whole.splitlines()
+        if len(lines) <= rows and max(map(len, lines)) <= columns:
             return whole
-        first = (self.description or "").partition("\n\n")[0]
-        uses = "".join(f"{use}\n" for use in self._common)
-        return f"{uses}\n{first}\n\n{self.format_usage()}\n'{self.prog} --help' explains every option.\n"
+        first = textwrap.fill((self.description or "").partition("\n\n")[0], columns)
+        uses = "".join(f"{_folded(use, columns)}\n" for use in self._common)
+        given = [action for action in self._actions if not action.option_strings]
+        after = "".join(f" {action.metavar or action.dest}" for action in given)
+        options = [_named(action) for action in self._actions if action.option_strings]
+        names = textwrap.fill(
+            ", ".join(options), columns, initial_indent="  ", subsequent_indent="  ", break_on_hyphens=False
+        )
+        return (
+            f"{uses}\n{first}\n\nusage: {self.prog} [OPTION ...]{after}\n\noptions:\n{names.replace(_JOINED, ' ')}\n\n"
+            f"'{self.prog} --help' explains every option.\n"
+        )
+
+
+_JOINED = "\N{NO-BREAK SPACE}"  # where no line may end: between an option and its value, and in quotes
+
+
+def _named(action: argparse.Action) -> str:
+    """Return an option with its placeholder; required ones are marked."""
+    value = "" if action.nargs == 0 or action.choices or not isinstance(action.metavar, str) else action.metavar
+    required = "(required)" if action.required else ""
+    return _JOINED.join(filter(None, (action.option_strings[-1], value, required)))
+
+
+def _folded(line: str, columns: int) -> str:
+    """Return a line of the shell that is too long as several, which the shell takes as one."""
+    if len(line) <= columns:
+        return line
+    words = re.sub(r"\"[^\"]*\"|'[^']*'", lambda quoted: quoted[0].replace(" ", _JOINED), line)
+    lines = textwrap.wrap(words, columns - 2, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
+    return " \\\n".join(lines).replace(_JOINED, " ")
 
 
 class _Screen(argparse.Action):
