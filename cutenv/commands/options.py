@@ -9,7 +9,7 @@ import sys
 import textwrap
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NoReturn
 
 from cutenv._base.language_files import ENGLISH, languages, missing_texts
 from cutenv._base.output import check_writable, reader_has_gone
@@ -54,6 +54,16 @@ class CommandParser(argparse.ArgumentParser):
     def format_help(self) -> str:
         """Return the whole help."""
         return "".join(f"{use}\n" for use in self._common) + "\n" * bool(self._common) + super().format_help()
+
+    def error(self, message: str) -> NoReturn:
+        """Print one line, with the options that are nearest to an unknown one, and end with status 2."""
+        from cutenv._base.validation import nearest_choices
+
+        given = message.removeprefix("unrecognized arguments: ").split()
+        unknown = next((word for word in given if word.startswith("--")), "") if message.startswith("unrec") else ""
+        known = [option for action in self._actions for option in action.option_strings]
+        near = nearest_choices(unknown.partition("=")[0], known, most=3) if unknown else ""
+        self.exit(2, f"{self.prog}: {message.rstrip('.')}.{near} '{self.prog} -h' lists its options.\n")
 
     def format_screen(self) -> str:
         """Return the whole help if it fits a screen, else what it begins with, and the names of the options."""
@@ -225,6 +235,9 @@ def check_line(line: str, tasks: Iterable[str]) -> None:
         raise ValueError(f"--line {line} is for cuts along a drawn line. Give --task {along} too.")
 
 
+_LINES = "write straight, arc:40mm, s:40mm, excision:80mm:15mm, or a file"
+
+
 def line_given(arguments: argparse.Namespace) -> CutLine | None:
     """Return ``--line``, None if it is not given.
 
@@ -247,10 +260,12 @@ def line_given(arguments: argparse.Namespace) -> CutLine | None:
         "straight": (straight, 0), "arc": (arc, 1), "s": (s_shape, 1), "excision": (half_ellipse, 2),
     }  # fmt: skip
     if kind not in kinds:
+        if not Path(given).exists():
+            raise ValueError(f"--line {given}: no such file; {_LINES}.")
         return read_line(Path(given))
     made, count = kinds[kind]
     if len(sizes) != count:
-        raise ValueError(f"--line {given}: write straight, arc:40mm, s:40mm, excision:80mm:15mm, or a file.")
+        raise ValueError(f"--line {given}: {_LINES}.")
     return made(*(parse_length("--line", size) for size in sizes))
 
 

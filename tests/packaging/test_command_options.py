@@ -81,6 +81,19 @@ def test_a_short_help_fits_a_screen_and_begins_with_the_two_commonest_uses(
     assert all(any(option in line for line in printed["-h"]) for option in spelled)
 
 
+def test_an_unknown_option_is_answered_in_one_line_with_the_nearest_three_at_most(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for given in (["--taks", "path"], ["--specimen=3"]):
+        with pytest.raises(SystemExit) as ended:
+            parser_of("train").parse_args(given)
+        assert ended.value.code == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert 1 <= line.count("'--") <= 3
+        assert line.endswith("'cutenv train -h' lists its options.")
+    assert "'--specimens'" in line
+
+
 @pytest.mark.parametrize(("name", "command"), [("cutenv", cli.PROGRAM), ("cutenv rig", cli.COMMANDS["rig"])])
 def test_the_help_of_a_group_begins_with_the_two_commonest_uses(name: str, command: cli.Command) -> None:
     lines = cli._GroupParser(name, command).format_help().splitlines()
