@@ -21,7 +21,6 @@ from cutenv.policy import (
     TipEstimate,
     feed_name,
 )
-from cutenv.policy.shipped import SHIPPED
 from cutenv.task.observation import commanded_speed, in_units
 
 pytest.importorskip("safetensors", reason="trained policies are an extra: pip install 'cutenv[view]'")
