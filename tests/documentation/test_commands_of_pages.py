@@ -20,7 +20,7 @@ OF_A_CHECKOUT = re.compile(r"python3? |\.venv|pipx? |\. |ls |export |cutenv warm
 NOT_TO_THE_END = {
     r"play (?!.*--scripted)": "cuts by hand in a window",
     r"serve (?!.*(--backup|--shortcut))": "a server, which runs until it is ended",
-    r"rig (?!init).*my_rig": "a rig of one's own",
+    r"(train|rig (?!init)).*my_rig": "a rig of one's own",
     r"rig emulate (?!.*--list-faults)": "an emulated rig, which runs until it is ended",
     r"rig run .*(emulated\.toml|--lsl)": "a rig or a stream of another program",
     r"record": "a stream of another program",
@@ -34,9 +34,15 @@ NOT_TO_THE_END = {
 }
 """Beginnings of commands that are stopped after some seconds, and why: until then nothing must be missing."""
 SECONDS = 10.0
-SHORT_TRAINING = (
-    "--timesteps=20000 --demonstrations=3000 --validations=1 --validation-specimens=3 --specimens=3 --environments=64"
-)
+
+
+def short_training(line: str) -> str:
+    """Options with which a training takes some seconds, of those that its learner takes."""
+    options = "--validations=1 --validation-specimens=3 --specimens=3 --environments=64"
+    if "--learner bc" not in line:
+        options += " --timesteps=20000"
+    corrects = "--base script" in line or ("--task" in line and "--base none" not in line)  # and imitates nothing
+    return options if corrects or "--demonstrations" in line else f"{options} --demonstrations=3000"
 
 
 def commands_of(page: str) -> list[tuple[Code, list[str] | None]]:
@@ -57,7 +63,7 @@ def shortened(words: list[str], folder: Path) -> list[str]:
     if line.startswith("cutenv demo") and "--specimens" not in line:
         line += " --specimens 3"
     if line.startswith("cutenv train"):
-        line += f" {SHORT_TRAINING}"
+        line += f" {short_training(line)}"
     runs = sorted(folder.glob("runs/*/policy"), key=lambda path: path.stat().st_mtime)
     agent = runs[-1].parent.relative_to(folder).as_posix() if runs else "runs/NAME"
     line = line.replace("runs/NAME", agent)
