@@ -19,13 +19,13 @@ OF_A_CHECKOUT = re.compile(r"python3? |\.venv|pipx? |\. |ls |export |cutenv warm
 """Beginnings of commands that set up or take away, or that belong to a checkout or to another program."""
 NOT_TO_THE_END = {
     r"play (?!.*--scripted)": "cuts by hand in a window",
-    r"serve (?!.*(--backup|--shortcut))": "a server, which runs until it is ended",
+    r"serve (?!.*(--backup|--shortcut|--restore))": "a server, which runs until it is ended",
     r"(train|rig (?!init)).*my_rig": "a rig of one's own",
     r"rig emulate (?!.*--list-faults)": "an emulated rig, which runs until it is ended",
     r"rig run .*(emulated\.toml|--lsl)": "a rig or a stream of another program",
     r"record": "a stream of another program",
     r"rig speed cuts/RECORD": "a record of a rig of one's own",
-    r".*--until decided": "takes minutes",
+    r"(evaluate|rig evaluate) .*--until decided": "takes minutes",
     r"evaluate (all|--report)": "takes minutes, or a training run of one's own",
     r"(depth|field) ": "films of one's own",
     r"score (rig.bag|specimen.xlsx)": "files of other programs",
