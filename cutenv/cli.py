@@ -34,6 +34,8 @@ class Command:
     """Sub-commands."""
     description: str | None = None
     """First line of the help of a command with sub-commands."""
+    uses: tuple[str, ...] = ()
+    """The commonest uses of a command with sub-commands, with which its help begins."""
 
 
 INTERRUPTED = 130
@@ -80,7 +82,8 @@ COMMANDS = {
         "run a real rig, a motor and a force sensor, or its emulator",
         extra="rig",
         parts=RIG_COMMANDS,
-        description="A motor and a force sensor that a policy meets through the simulator's interface.",
+        description="A motor and a force sensor that a policy meets as it meets the simulator.",
+        uses=("cutenv rig run --policy ppo-free --rig emulator", "cutenv rig init my_rig.toml"),
     ),
     "score": Command("score recorded cuts: a card and a page"),
     "check": Command("name what is wrong with records of force, each with where it is and its cure"),
@@ -89,7 +92,12 @@ COMMANDS = {
     "view": Command("show a recorded cut in 3-D, in a page that opens from disk", extra="view3d"),
 }
 
-PROGRAM = Command("", parts=COMMANDS, description=cutenv.__doc__.partition("\n")[0] if cutenv.__doc__ else None)
+PROGRAM = Command(
+    "",
+    parts=COMMANDS,
+    description=cutenv.__doc__.partition("\n")[0] if cutenv.__doc__ else None,
+    uses=("cutenv demo", "cutenv train --quick"),
+)
 """The command ``cutenv`` itself."""
 
 
@@ -151,7 +159,7 @@ def module_of(name: str) -> str:
 
 def _chosen(name: str, command: Command, argv: list[str]) -> Command | None:
     """Return the sub-command that is named first; without any, print the help and return None."""
-    parser = _parser(name, command)
+    parser = _GroupParser(name, command)
     if not argv:
         parser.print_help()
         return None
@@ -178,17 +186,20 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def _parser(name: str, command: Command) -> argparse.ArgumentParser:
-    listed = "\n".join(f"  {part:<10} {about.summary}" for part, about in command.parts.items())
-    version = "[--version] " * (command is PROGRAM)
-    parser = argparse.ArgumentParser(
-        prog=name,
-        description=command.description,
-        epilog=f"commands:\n{listed}\n\n'{name} COMMAND --help' lists its options.",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        usage=f"{name} [-h] {version}COMMAND ...",
-    )
-    if version:
-        parser.add_argument("--version", action=_Version, nargs=0, help="show version, in a checkout with its commit")
-    parser.add_argument("command", choices=command.parts, metavar="COMMAND", help="one of those listed below")
-    return parser
+class _GroupParser(argparse.ArgumentParser):
+    """Parser of a command with sub-commands: its help is the commonest uses and the list of the sub-commands."""
+
+    def __init__(self, name: str, command: Command) -> None:
+        super().__init__(prog=name, usage=f"{name} [-h] {'[--version] ' * (command is PROGRAM)}COMMAND ...")
+        self._command = command
+        if command is PROGRAM:
+            self.add_argument("--version", action=_Version, nargs=0)
+        self.add_argument("command", choices=command.parts, metavar="COMMAND")
+
+    def format_help(self) -> str:
+        """Return the whole help."""
+        uses = "".join(f"{use}\n" for use in self._command.uses)
+        width = max(map(len, self._command.parts))
+        listed = "".join(f"  {part:{width}}  {about.summary}\n" for part, about in self._command.parts.items())
+        about = f"{uses}\n{self.format_usage()}\n{self._command.description}\n\ncommands:\n{listed}"
+        return f"{about}'{self.prog} COMMAND -h' lists its options.\n"

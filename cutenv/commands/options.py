@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import functools
+import re
 import sys
+import textwrap
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NoReturn
 
 from cutenv._base.language_files import ENGLISH, languages, missing_texts
 from cutenv._base.output import check_writable, reader_has_gone
@@ -26,8 +28,8 @@ RIG = 'a rig\'s TOML file, "emulator", "serial" or "grbl" (emulated slow rigs) o
 """Help of every argument that names a rig."""
 
 
-SCREEN = 40
-"""Most lines that ``-h`` prints."""
+SCREEN = (24, 80)
+"""Lines and columns of the smallest usual terminal, which ``-h`` fits."""
 
 
 class CommandParser(argparse.ArgumentParser):
@@ -53,14 +55,53 @@ class CommandParser(argparse.ArgumentParser):
         """Return the whole help."""
         return "".join(f"{use}\n" for use in self._common) + "\n" * bool(self._common) + super().format_help()
 
+    def error(self, message: str) -> NoReturn:
+        """Print one line, with the options that are nearest to an unknown one, and end with status 2."""
+        from cutenv._base.validation import nearest_choices
+
+        given = message.removeprefix("unrecognized arguments: ").split()
+        unknown = next((word for word in given if word.startswith("--")), "") if message.startswith("unrec") else ""
+        known = [option for action in self._actions for option in action.option_strings]
+        near = nearest_choices(unknown.partition("=")[0], known, most=3) if unknown else ""
+        self.exit(2, f"{self.prog}: {message.rstrip('.')}.{near} '{self.prog} -h' lists its options.\n")
+
     def format_screen(self) -> str:
         """Return the whole help if it fits a screen, else what it begins with, and the names of the options."""
-        whole = self.format_help()
-        if whole.count("\n") <= SCREEN:
+        whole, (rows, columns) = self.format_help(), SCREEN
+        lines = whole.splitlines()
+        if len(lines) <= rows and max(map(len, lines)) <= columns:
             return whole
-        first = (self.description or "").partition("\n\n")[0]
-        uses = "".join(f"{use}\n" for use in self._common)
-        return f"{uses}\n{first}\n\n{self.format_usage()}\n'{self.prog} --help' explains every option.\n"
+        first = textwrap.fill((self.description or "").partition("\n\n")[0], columns)
+        uses = "".join(f"{_folded(use, columns)}\n" for use in self._common)
+        given = [action for action in self._actions if not action.option_strings]
+        after = "".join(f" {action.metavar or action.dest}" for action in given)
+        options = [_named(action) for action in self._actions if action.option_strings]
+        names = textwrap.fill(
+            ", ".join(options), columns, initial_indent="  ", subsequent_indent="  ", break_on_hyphens=False
+        )
+        return (
+            f"{uses}\n{first}\n\nusage: {self.prog} [OPTION ...]{after}\n\noptions:\n{names.replace(_JOINED, ' ')}\n\n"
+            f"'{self.prog} --help' explains every option.\n"
+        )
+
+
+_JOINED = "\N{NO-BREAK SPACE}"  # where no line may end: between an option and its value, and in quotes
+
+
+def _named(action: argparse.Action) -> str:
+    """Return an option with its placeholder; required ones are marked."""
+    value = "" if action.nargs == 0 or action.choices or not isinstance(action.metavar, str) else action.metavar
+    required = "(required)" if action.required else ""
+    return _JOINED.join(filter(None, (action.option_strings[-1], value, required)))
+
+
+def _folded(line: str, columns: int) -> str:
+    """Return a line of the shell that is too long as several, which the shell takes as one."""
+    if len(line) <= columns:
+        return line
+    words = re.sub(r"\"[^\"]*\"|'[^']*'", lambda quoted: quoted[0].replace(" ", _JOINED), line)
+    lines = textwrap.wrap(words, columns - 2, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
+    return " \\\n".join(lines).replace(_JOINED, " ")
 
 
 class _Screen(argparse.Action):
@@ -194,6 +235,9 @@ def check_line(line: str, tasks: Iterable[str]) -> None:
         raise ValueError(f"--line {line} is for cuts along a drawn line. Give --task {along} too.")
 
 
+_LINES = "write straight, arc:40mm, s:40mm, excision:80mm:15mm, or a file"
+
+
 def line_given(arguments: argparse.Namespace) -> CutLine | None:
     """Return ``--line``, None if it is not given.
 
@@ -216,10 +260,12 @@ def line_given(arguments: argparse.Namespace) -> CutLine | None:
         "straight": (straight, 0), "arc": (arc, 1), "s": (s_shape, 1), "excision": (half_ellipse, 2),
     }  # fmt: skip
     if kind not in kinds:
+        if not Path(given).exists():
+            raise ValueError(f"--line {given}: no such file; {_LINES}.")
         return read_line(Path(given))
     made, count = kinds[kind]
     if len(sizes) != count:
-        raise ValueError(f"--line {given}: write straight, arc:40mm, s:40mm, excision:80mm:15mm, or a file.")
+        raise ValueError(f"--line {given}: {_LINES}.")
     return made(*(parse_length("--line", size) for size in sizes))
 
 

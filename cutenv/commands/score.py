@@ -140,8 +140,9 @@ def reference_set(given: str) -> ReferenceSet | None:
             rows.append((file.stem, {name: scored.value for name, scored in metrics.items()}))
             units.add(trace.force_unit)
     if len(rows) < FEWEST_REFERENCE_CUTS or len(units) > 1:
+        of_units = f" of force in {' and '.join(sorted(units))}" if len(units) > 1 else ""
         raise ValueError(
-            f"--reference {given} holds {len(rows)} sound cuts in {len(units)} units of force; a percentile takes "
+            f"--reference {given} holds {len(rows)} sound cuts{of_units}; a percentile takes "
             f"{FEWEST_REFERENCE_CUTS} or more, of one unit."
         )
     return ReferenceSet.of(rows, name=path.name, about=f"records in {path.name}", force_unit=units.pop())

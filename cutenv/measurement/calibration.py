@@ -116,7 +116,18 @@ def calibration_notes(cuts: Sequence[MeasuredCut], model: CutModel, found: dict[
 
 
 def _how_far_off(evidence: Sequence[Evidence], found: dict[str, float], cuts: int, specimens: int) -> list[str]:
-    """Return a note on how far the means of so few cuts may be off, and how many make them better; by the intervals."""
+    """Return a note on how far the means of so few cuts may be off, and how many make them better; by the intervals.
+
+    Those of one specimen tell nothing of others: there pig liver's spread between specimens stands in.
+    """
+    if specimens == 1:
+        spread = measured_liver().modulus_between_liver_cv
+        return [
+            f"all {cuts} cuts are of one specimen, and the intervals hold for it alone. Pig livers differ by "
+            f"{100.0 * spread:.0f} % in modulus (standard deviation): another specimen may be {196.0 * spread:.0f} % "
+            f"off (95 %). A mean within {100.0 * _NEAR:.0f} % takes {math.ceil((1.96 * spread / _NEAR) ** 2)} "
+            "specimens or more"
+        ]
     errors = {
         each.name: max(each.high - found[each.name], found[each.name] - each.low) / found[each.name]
         for each in evidence
@@ -340,7 +351,7 @@ def tissue_of(
         spread = spread[np.isfinite(spread)]
         low, high = np.quantile(spread, [0.025, 0.975]) if len(spread) > 0.5 * len(samples) > 0 else (None, None)
         if low is not None and high is not None:
-            low, high = low - _BIAS.get(field, 0.0), high + _BIAS.get(field, 0.0)
+            low, high = np.clip((low - _BIAS.get(field, 0.0), high + _BIAS.get(field, 0.0)), *_possible(field))
         provenance: Any = "measured" if field in pool.measured else "assumed"
         evidence.append(
             Evidence(
@@ -440,6 +451,13 @@ def _scaled(evidence: Evidence, factor: float) -> Evidence:
     return dataclasses.replace(evidence, low=factor * evidence.low, high=factor * evidence.high)
 
 
+def _possible(field: str) -> tuple[float, float]:
+    """Return the range that an interval of a field does not leave: a line fitted to few cuts may, its tissue cannot."""
+    if field.startswith("slope"):
+        return -math.inf, math.inf
+    return 0.0, 1.0 if field in ("friction_share", "eta90") else math.inf
+
+
 _BIAS = {
     "eta90": 0.015
 }  # that virtual studies show beside the scatter of cuts (scripts/validation/measurement/calibration_studies.py)
@@ -473,8 +491,10 @@ _WHY_NOT = {
     "slope_90": "cuts at this angle do not differ in speed by a factor of 1.5",
     "intercept_45": "no cut flatter than 67.5 degrees",
     "slope_45": "cuts at this angle do not differ in speed by a factor of 1.5",
-    "modulus_between_liver_cv": "fewer than two specimens, or one cut of each",
-    "modulus_between_cut_cv": "no specimen with two cuts steeper than 67.5 degrees",
+    "modulus_between_liver_cv": "fewer than two specimens with cuts steeper than 67.5 degrees, one such cut of each, "
+    "or no more cuts than the line over speed and angle has numbers",
+    "modulus_between_cut_cv": "no specimen with two cuts steeper than 67.5 degrees, or no more cuts than the line over "
+    "speed and angle has numbers",
     "modulus_within_cut_cv": "too few segments",
     "inclined_between_cut_cv": f"fewer than {FEWEST_FOR_INCLINED} cuts on either side of 67.5 degrees",
     "correlation_length": f"fewer than {FEWEST_FOR_CORRELATION} cuts",

@@ -186,6 +186,10 @@ FIELDS = (
 )
 """Fields of a tissue description that are estimated from records."""
 
+_MODULUS_SPREAD = (
+    "modulus_between_liver_cv", "modulus_between_cut_cv", "modulus_within_cut_cv", "inclined_between_cut_cv",
+)  # fmt: skip
+
 NOT_RESAMPLED = ("speed_min", "speed_max", "edge_depth", "crown_depth", "rise_length", "mean_depth")
 """Those of them that describe the records rather than estimate a property, and are not resampled."""
 
@@ -264,11 +268,15 @@ class PooledCuts:
         return fit_speed_dependence(self.speed[taken], self.angle[taken], self.modulus[taken])
 
     def _modulus_spread(self, line: SpeedDependence, counts: Array, within: float, length: float) -> dict[str, float]:
+        enough = self._tells(self.variograms[0], within)
+        spread = dict.fromkeys(_MODULUS_SPREAD, math.nan)
+        spread["modulus_within_cut_cv"] = cv_of(within) if enough else math.nan
         known = self.has_modulus
+        if known.sum() <= len(line.measured):  # the line goes through every cut, whatever their spread
+            return spread
         fitted = line.moduli(self.speed[known], self.angle[known])
         # A resample of cuts at one end of the speeds may have a line that falls below zero at the other end.
         ratio = np.log(self.modulus[known] / np.maximum(fitted, LEAST_FIT * self.modulus[known]))
-        spread = {"inclined_between_cut_cv": math.nan}
         steep = self.angle[known] >= BETWEEN
         specimen, times = self.specimen[known], counts[known]
         if min(times[steep].sum(), times[~steep].sum()) >= FEWEST_FOR_INCLINED:
@@ -276,13 +284,10 @@ class PooledCuts:
             ratio, specimen, times = ratio[steep], specimen[steep], times[steep]
             spread["inclined_between_cut_cv"] = _cv(inclined - variance(ratio, times))
         between_liver, between_cut = nested_variances(ratio, specimen, times)
-        enough = self._tells(self.variograms[0], within)
         along = self._added(self.ramps, within if enough else 0.0, length, counts)
-        return spread | {
-            "modulus_between_liver_cv": _cv(between_liver),
-            "modulus_between_cut_cv": _cv(between_cut - along),
-            "modulus_within_cut_cv": cv_of(within) if enough else math.nan,
-        }
+        spread["modulus_between_liver_cv"] = _cv(between_liver)
+        spread["modulus_between_cut_cv"] = _cv(between_cut - along)
+        return spread
 
     def _fracture(self, counts: Array, within: float, length: float) -> dict[str, float]:
         n = float(counts.sum())

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from cutenv._base import resources
 from cutenv._base.imports import import_from_here
-from cutenv._base.validation import one_of
+from cutenv._base.validation import nearest_choices, one_of
 from cutenv.policy.interface import Policy
 from cutenv.policy.planner import PlannerNominal, PlannerWithTruth
 from cutenv.policy.scripted import (
@@ -145,7 +145,7 @@ def named_policy(name: str | Path) -> TrainedPolicy:
     Raises
     ------
     ValueError
-        If it is neither (the message lists the shipped ones), or the policy's files are damaged.
+        If it is neither (the message names the nearest), or the policy's files are damaged.
     FileNotFoundError
         If the folder lacks one of a policy's files.
     ModuleNotFoundError
@@ -154,8 +154,8 @@ def named_policy(name: str | Path) -> TrainedPolicy:
     folder = named_folder(name)
     if folder is None:
         raise ValueError(
-            f"policy {str(name)!r} is neither shipped ({', '.join(SHIPPED)}) nor the folder of one. "
-            "Give such a name, or the folder that holds its card.json."
+            f"policy {str(name)!r} is neither shipped nor the folder of one.{nearest_choices(name, SHIPPED, most=3)} "
+            "'cutenv evaluate --list' prints the names; a folder is the one that holds its card.json."
         )
     return TrainedPolicy.load(folder)
 

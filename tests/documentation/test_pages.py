@@ -11,12 +11,12 @@ import math
 import pkgutil
 import re
 import shlex
-import types
 from collections.abc import Iterator
 from functools import cache
-from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
+from page_code import CONTRIBUTORS, DOCS, PAGES, ROOT, code_of
 
 from cutenv import cli
 from cutenv.imitated.emulator.emulated_bench import FAULTS
@@ -26,31 +26,14 @@ from cutenv.rig.safety.stop_causes import STILL
 from cutenv.task.reward import RewardWeights
 from scripts.documentation import api_pages
 
-ROOT = Path(__file__).parents[2]
-DOCS = ROOT / "docs"
-PAGES = sorted(path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md"))
-FENCE = re.compile(
-    r"(?:<!-- (not run|not checked): (\S.*?) -->\n)?^( *)```(\w+)\n(.*?)^\3```$", re.DOTALL | re.MULTILINE
-)
+USERS = [page for page in PAGES if not page.startswith(CONTRIBUTORS)]
 
 
 def blocks(page: str, language: str) -> Iterator[str]:
-    """The code of a page in one language, but for what is marked with a reason, and what is an example's file."""
-    for reason, _, indent, found, code in FENCE.findall((DOCS / page).read_text(encoding="utf-8")):
-        if found == language and not reason and "--8<--" not in code:
-            yield re.sub(f"^{indent}", "", code, flags=re.MULTILINE)
-
-
-PYTHON = [(page, number) for page in PAGES for number, _ in enumerate(blocks(page, "python"))]
-
-
-@pytest.mark.parametrize(("page", "number"), PYTHON)
-def test_the_python_of_a_page_runs_as_it_stands(page, number, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "datasets"))
-    code = list(blocks(page, "python"))[number]
-    module = types.ModuleType("__main__")  # a name of its own for every block: none lives on another's imports
-    exec(compile(code, f"{page}, block {number}", "exec"), module.__dict__)
+    """The code of a page in one language, but for what is marked as never run."""
+    for block in code_of(page):
+        if block.language == language and not block.marked.startswith("not"):
+            yield block.text
 
 
 def imported() -> Iterator[tuple[str, str, str]]:
@@ -77,11 +60,9 @@ def test_what_pages_and_examples_import_is_in_the_reference_and_public():
 
 def commands(page: str) -> Iterator[list[str]]:
     """Every command of a page, as words, without what follows a pipe."""
-    for code in blocks(page, "bash"):
-        for line in code.replace("\\\n", " ").splitlines():
-            words = shlex.split(line, comments=True)
-            if words:
-                yield words
+    for block in code_of(page):
+        if block.language == "bash" and not block.marked:
+            yield from block.commands()
 
 
 @cache
@@ -109,17 +90,30 @@ def test_the_commands_of_a_page_are_there_with_their_options(page):
 OPTIONS_OF_EXTRAS = {"--page": "view3d", "--picture": "view"}
 
 
-@pytest.mark.parametrize("page", PAGES)
-def test_a_page_that_installs_an_extra_installs_what_its_commands_need(page):
-    installed = set()
-    for words in commands(page):
-        if (extras := re.search(r"\[([\w,-]+)\]$", words[-1])) and "install" in words:
-            installed |= {*extras[1].split(",")}
-        if installed and words[0] == "cutenv" and (command := cli.COMMANDS.get(words[1])):
-            part = command.parts.get(words[2]) if command.parts else None
-            needed = {command.extra, part.extra if part else ""}
-            needed |= {extra for option, extra in OPTIONS_OF_EXTRAS.items() if option in words}
-            assert needed - {""} <= installed, f"{' '.join(words)} after {sorted(installed)}"
+def extras_of(words: list[str]) -> set[str]:
+    """The extras that a command of cutenv needs."""
+    if words[0] != "cutenv" or not (command := cli.COMMANDS.get(words[1])):
+        return set()
+    part = command.parts.get(words[2]) if command.parts else None
+    needed = {command.extra, part.extra if part else ""}
+    return (needed | {extra for option, extra in OPTIONS_OF_EXTRAS.items() if option in words}) - {""}
+
+
+@pytest.mark.parametrize("page", USERS)
+def test_a_page_installs_the_extras_that_its_commands_need(page):
+    for block in code_of(page):
+        installed = {extra for each in block.installed for extra in Requirement(each).extras}
+        for words in block.commands() if block.language == "bash" and not block.marked else ():
+            assert extras_of(words) <= installed, f"{' '.join(words)} after {sorted(block.installed)}"
+
+
+@pytest.mark.parametrize("page", ["../README.md", "index.md"])
+def test_a_table_of_commands_names_the_extras_that_they_need(page):
+    rows = re.findall(r"^\|.*`cutenv .*\|$", (DOCS / page).read_text(encoding="utf-8"), re.MULTILINE)
+    assert len(rows) >= 7
+    for row in rows:
+        for command in re.findall(r"`(cutenv .*?)`", row):
+            assert extras_of(shlex.split(command)) <= {"view", *re.findall(r"`(\w+)`", row)}, row
 
 
 @pytest.mark.parametrize("page", PAGES)
@@ -132,7 +126,7 @@ def test_the_names_and_files_that_a_page_mentions_are_there(page):
 
 
 def test_a_page_that_shows_code_is_run():
-    assert len(PYTHON) >= 20
+    assert sum(1 for page in PAGES for _ in blocks(page, "python")) >= 20
     assert sum(words[0] == "cutenv" for page in PAGES for words in commands(page)) >= 50
 
 

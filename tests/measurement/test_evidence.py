@@ -16,7 +16,7 @@ from whole_cut import make, steady
 
 from cutenv.measurement import MeasuredCut, calibrate, measure_cuts, tissue_of
 from cutenv.measurement.calibration import RefusedRecord, with_findings
-from cutenv.measurement.pooled_cuts import FEWEST_FOR_CORRELATION, FIELDS, NOT_RESAMPLED
+from cutenv.measurement.pooled_cuts import FEWEST_FOR_CORRELATION, FIELDS, NOT_RESAMPLED, PooledCuts, resampled
 from cutenv.tissue import CutModel, TissueDescription, load_description, measured_liver
 from cutenv.tissue.description import Evidence, TissueCalibration
 
@@ -151,6 +151,46 @@ def test_an_interval_holds_its_value_and_only_estimates_have_one() -> None:
             assert each.low is each.high is None
         elif not each.name.endswith(("_cv", "_length")):  # a resample has fewer different cuts: spread reads low
             assert each.low <= getattr(tissue, each.name) <= each.high, each.name
+
+
+@pytest.mark.parametrize("names", [(9, 11, 12, 17, 18), (4, 9, 11, 13, 15, 16, 17)])
+def test_no_interval_leaves_what_is_possible(names: tuple[int, ...]) -> None:
+    """The lines of some resamples of these fall below zero."""
+    chosen = [cut for cut in cuts() if cut.name in {f"cut {number}" for number in names}]
+    pool, rng = PooledCuts(chosen), np.random.default_rng(0)
+    drawn = [pool.numbers(resampled(rng, len(chosen)))["intercept_45"] for _ in range(200)]
+    assert np.quantile(drawn, 0.025) < 0.0
+    tissue = tissue_of(chosen, MODEL, resamples=200)
+    for each in calibration_of(tissue).evidence:
+        if each.low is not None and not each.name.startswith("slope"):
+            assert each.low >= 0.0, each.name
+            assert each.high <= 1.0 or each.name not in ("friction_share", "eta90")
+    assert calibration_of(tissue).of("intercept_45").low == 0.0
+
+
+def test_a_line_through_every_cut_tells_no_spread() -> None:
+    names = {"cut 1", "cut 3", "cut 10", "cut 12"}  # two at either angle, of two speeds
+    check_assumed(
+        tissue_from(lambda cut: cut.name in names), "modulus_between_liver_cv", "modulus_between_cut_cv",
+        "correlation_length", "inclined_between_cut_cv",
+    )  # fmt: skip
+
+
+def test_one_cut_of_each_liver_is_told_as_the_reason_for_the_assumed_spread_between_them() -> None:
+    how = (
+        calibration_of(tissue_from(lambda cut: cut.name in {"cut 1", "cut 8", "cut 15"}))
+        .of("modulus_between_liver_cv")
+        .how
+    )
+    assert "one such cut of each" in how
+
+
+def test_the_cuts_of_one_specimen_say_how_far_another_may_be_off() -> None:
+    first, *_ = calibration_of(tissue_from(lambda cut: cut.specimen == "liver 1", resamples=100)).notes
+    assert first.startswith(
+        "all 6 cuts are of one specimen, and the intervals hold for it alone. Pig livers differ by 13 %"
+    )
+    assert first.endswith("takes 7 specimens or more")
 
 
 def test_without_resamples_there_are_values_and_no_intervals() -> None:

@@ -70,12 +70,42 @@ def test_a_short_help_fits_a_screen_and_begins_with_the_two_commonest_uses(
             parser_of(name).parse_args([option])
         assert ended.value.code == 0
         printed[option] = capsys.readouterr().out.splitlines()
-    assert len(printed["-h"]) <= SCREEN
+    rows, columns = SCREEN
+    assert len(printed["-h"]) <= rows <= 24
+    assert max(map(len, printed["-h"])) <= columns <= 80
     examples = [line.strip() for line in printed["--help"] if line.startswith(f"  cutenv {name}")][:2]
-    for lines in printed.values():
-        assert lines[: len(examples)] == examples
+    assert printed["--help"][: len(examples)] == examples
+    uses = re.sub(r" \\\n +", " ", "\n".join(printed["-h"])).splitlines()  # as the shell reads them
+    assert uses[: len(examples)] == examples
     spelled = {action.option_strings[-1] for action in options_of(parser_of(name)) if action.option_strings}
     assert all(any(option in line for line in printed["-h"]) for option in spelled)
+
+
+def test_an_unknown_option_is_answered_in_one_line_with_the_nearest_three_at_most(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for given in (["--taks", "path"], ["--specimen=3"]):
+        with pytest.raises(SystemExit) as ended:
+            parser_of("train").parse_args(given)
+        assert ended.value.code == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert 1 <= line.count("'--") <= 3
+        assert line.endswith("'cutenv train -h' lists its options.")
+    assert "'--specimens'" in line
+
+
+@pytest.mark.parametrize(("name", "command"), [("cutenv", cli.PROGRAM), ("cutenv rig", cli.COMMANDS["rig"])])
+def test_the_help_of_a_group_begins_with_the_two_commonest_uses(name: str, command: cli.Command) -> None:
+    lines = cli._GroupParser(name, command).format_help().splitlines()
+    assert lines[:2] == list(command.uses)
+    assert all(any(line.startswith(f"  {part} ") for line in lines) for part in command.parts)
+    if name != "cutenv":  # it has more sub-commands than a screen has lines
+        assert len(lines) <= SCREEN[0]
+        assert max(map(len, lines)) <= SCREEN[1]
+    for use in command.uses:
+        words = shlex.split(use)
+        place = 3 if words[1] == "rig" else 2
+        parser_of(" ".join(words[1:place])).parse_args(words[place:])
 
 
 @pytest.mark.parametrize("learner", train.LEARNERS)
@@ -160,7 +190,7 @@ def test_without_a_command_the_help_is_printed(
     arguments: list[str], first: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert cli.main(arguments) == 0
-    assert capsys.readouterr().out.startswith(first)
+    assert f"\n{first}" in capsys.readouterr().out
 
 
 def test_the_help_of_score_loads_nothing_that_scores() -> None:

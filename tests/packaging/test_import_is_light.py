@@ -27,7 +27,7 @@ def test_an_environment_needs_no_finite_elements() -> None:
 
 
 def test_help_loads_nothing_heavy() -> None:
-    check_nothing_heavy_is_loaded("import cutenv.cli; cutenv.cli._parser('cutenv', cutenv.cli.PROGRAM).format_help()")
+    check_nothing_heavy_is_loaded("from cutenv import cli; cli._GroupParser('cutenv', cli.PROGRAM).format_help()")
 
 
 def test_help_of_training_needs_no_learner() -> None:

@@ -205,7 +205,7 @@ def test_the_command_prints_a_screen_and_writes_page_json_and_records(tmp_path, 
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--policy", "nobody"], "Or a script"),
+        (["--policy", "nobody"], "--list' prints the names"),
         (["--policy", "planner with truth"], "hidden state"),
         (["--rig", "missing.toml"], "no such file"),
         (["--change", "motor_lag"], "NAME=NUMBER"),

@@ -185,6 +185,7 @@ def test_a_file_that_is_no_line_is_refused_with_the_place(tmp_path, text, says):
         ("arc", "write straight, arc:40mm, s:40mm, excision:80mm:15mm, or a file"),
         ("arc:5mm", "radius = 0.005"),
         ("excision:80mm", "write straight"),
+        ("nowhere.csv", "no such file; write straight"),
         ("bow:80mm", "bow:80mm"),
     ],
 )

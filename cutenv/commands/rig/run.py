@@ -135,8 +135,7 @@ def chosen_policy(name: str, task: str = "gentle") -> tuple[Policy, dict[str, An
         learned = gentle_policy(name) if task == "gentle" else named_policy(name)
     except ValueError as error:
         near = nearest_choices(name, [*SHIPPED, *own_policies], most=3)
-        said = f"policy {name!r} is not known.{near}" if near else f"{error} Or a script: {scripts}."
-        raise ValueError(said) from None
+        raise ValueError(f"policy {name!r} is not known.{near}" if near else str(error)) from None
     if task_made_as(learned.card.environment) is not chosen:
         raise ValueError(
             f"policy {name!r} was trained in {learned.card.environment}, and the task {task} is {chosen.id}. Give one "
