@@ -26,7 +26,7 @@ COMPONENTS_OF_FORCE = ("force_x", "force_y", "force_z", "torque_x", "torque_y", 
 """Fields of a :class:`Trace` for all six components that a force sensor measures, in its own axes [N], [N m]."""
 PLACE = ("blade_x", "blade_y")
 """Fields of a :class:`Trace` for the place of a blade that is steered, along and across the slab to the left [m]."""
-BESIDE = ("height", "vertical_force", *COMPONENTS_OF_FORCE, *PLACE, "lateral_force")
+CHANNELS = ("height", "vertical_force", *COMPONENTS_OF_FORCE, *PLACE, "lateral_force")
 """Fields that a :class:`Trace` may hold beside those of a :class:`Reading`; only scores of depth and path need them."""
 _RANGES: dict[str, tuple[float, float, str, str]] = {
     "time": (-1e12, 1e12, "s", "Give seconds."),
@@ -35,7 +35,7 @@ _RANGES: dict[str, tuple[float, float, str, str]] = {
     "angle": (0.0, np.pi, "rad", "Give radians: 90 looks like degrees, which is math.radians(90)."),
     "depth": (0.0, 0.1, "m", "Give the depth of cut in metres: 2 looks like centimetres, which is 0.02."),
 }
-_BESIDE_RANGES: dict[str, tuple[float, float, str, str]] = {
+_CHANNEL_RANGES: dict[str, tuple[float, float, str, str]] = {
     "height": (-0.2, 0.2, "m", "Give metres, upwards: 2 looks like millimetres, which is 0.002."),
     **dict.fromkeys(PLACE, (-0.5, 0.5, "m", "Give metres from the middle of the clamp: 2 looks like millimetres.")),
     **dict.fromkeys(COMPONENTS_OF_FORCE[3:], (-1e3, 1e3, "N m", "Give newton metres.")),
@@ -68,7 +68,7 @@ def _ranges(force_unit: str) -> dict[str, tuple[float, float, str, str]]:
     """Return least value, greatest value, unit and cure of every field."""
     force = _FORCE_RANGES[force_unit]
     forces = ("vertical_force", "lateral_force", *COMPONENTS_OF_FORCE[:3])
-    return {"force": force} | _RANGES | dict.fromkeys(forces, force) | _BESIDE_RANGES
+    return {"force": force} | _RANGES | dict.fromkeys(forces, force) | _CHANNEL_RANGES
 
 
 class Reading(NamedTuple):
@@ -239,7 +239,7 @@ class Trace:
     @property
     def known(self) -> tuple[str, ...]:
         """Names of the fields that the trace holds, time and force among them."""
-        return tuple(name for name in (*Reading._fields, *BESIDE) if getattr(self, name) is not None)
+        return tuple(name for name in (*Reading._fields, *CHANNELS) if getattr(self, name) is not None)
 
     @property
     def wrench(self) -> NDArray[np.float64] | None:
@@ -273,7 +273,7 @@ class Trace:
         Parameters
         ----------
         *names : str
-            Names among "time", "force", "position", "speed", "angle", "depth" and :data:`BESIDE`.
+            Names among "time", "force", "position", "speed", "angle", "depth" and :data:`CHANNELS`.
         by : str
             Name of the function that needs them, for the message.
 
@@ -288,7 +288,7 @@ class Trace:
             If one is missing from the trace, or is not a field of a trace.
         """
         for name in names:
-            one_of("field", name, (*Reading._fields, *BESIDE))
+            one_of("field", name, (*Reading._fields, *CHANNELS))
         missing = [name for name in names if getattr(self, name) is None]
         if missing:
             raise ValueError(

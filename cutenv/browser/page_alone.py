@@ -169,13 +169,13 @@ def page_alone(
     return page_text("page_alone.html", told)
 
 
-def page_text(template: str, told: dict[str, Any], **values: Any) -> str:
+def page_text(template: str, data: dict[str, Any], **values: Any) -> str:
     """Return a page that cuts, filled with what it is told, laws, scripts and further values of its template."""
     filled = {
-        "data": json.dumps(told, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"),
-        "laws": {task: _base64(law_of(task)) for task in told["tasks"]},
+        "data": json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"),
+        "laws": {task: _base64(law_of(task)) for task in data["tasks"]},
         "code": "\n".join((_HERE / name).read_text(encoding="utf-8") for name in _SCRIPTS),
-        "words": told["texts"][told["language"]],
+        "words": data["texts"][data["language"]],
         **values,
     }
     return render(_HERE / template, filled, filters={"digest": script_digest})

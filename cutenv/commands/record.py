@@ -42,7 +42,7 @@ def main(argv: Sequence[str]) -> int:
     with closing(LslInlet(arguments.stream, scope=arguments.scope)) as inlet:
         print(f"recording {arguments.stream!r}; Ctrl-C ends the record", file=sys.stderr, flush=True)
         try:
-            count = record_stream(inlet, mapping, arguments.out, seconds=arguments.seconds, told=_show)
+            count = record_stream(inlet, mapping, arguments.out, seconds=arguments.seconds, on_reading=_show)
             print(f"\n{count} readings: {arguments.out}")
         except KeyboardInterrupt:
             print(f"\nended: {arguments.out}")

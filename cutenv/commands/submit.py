@@ -121,12 +121,12 @@ def _submit(given: argparse.Namespace) -> None:
 
 def _kind(names: Sequence[str], entrants: Sequence[Contestant], given: str | None) -> str:
     """Return the kind of an entry: what its policies' cards record, or what is given where they do not."""
-    from cutenv.learning.benchmark import ENTRY_KINDS, kind_told
+    from cutenv.learning.benchmark import ENTRY_KINDS, recorded_kind
 
     known = ", ".join(map(repr, ENTRY_KINDS))
     if given is not None and given not in ENTRY_KINDS:
         raise ValueError(f"--kind {given!r} is not known; give one of {known}.")
-    told = [kind_told(name, one.policy) or given for name, one in zip(names, entrants, strict=True)]
+    told = [recorded_kind(name, one.policy) or given for name, one in zip(names, entrants, strict=True)]
     kinds = {kind for kind in (*told, given) if kind is not None}
     if None in told:
         raise ValueError(f"--kind is missing: no card tells how this was made; give one of {known}.")

@@ -44,7 +44,7 @@ from cutenv.cutting.motion import Motion, Moving
 from cutenv.tissue.drawn_lines import CRACK_CURVATURE, given_line
 from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
 from cutenv.tissue.lines import WIDTH, CutLine
-from cutenv.tissue.place_model import beside_line
+from cutenv.tissue.place_model import stiffness_off_line
 from cutenv.tissue.specimen import Specimen
 
 LINE_REACH = 0.015
@@ -246,7 +246,7 @@ def frame_at(steering: Struct, i: int, share: float) -> CrackFrame:
 def _frame(steering: Struct, line: LineStiffness) -> CrackFrame:
     """Turn the stiffness along and across a line, of a tip where the crack's stands, into the frame of the crack."""
     t_x, t_y, curvature, along, coupled, sideways, off_line = line
-    along, coupled, sideways = beside_line((along, coupled, sideways), off_line, steering.tip_aside)
+    along, coupled, sideways = stiffness_off_line((along, coupled, sideways), off_line, steering.tip_aside)
     e_x, e_y = steering.tip_ahead, steering.tip_across
     cosine, sine = e_x * t_x + e_y * t_y, t_x * e_y - t_y * e_x  # of the angle from the line to the crack
     both = cosine * sine

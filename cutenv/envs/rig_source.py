@@ -26,7 +26,7 @@ from cutenv.envs.constants import Constants
 from cutenv.imitated.connection import operator_of, settings_of
 from cutenv.recording.appending import AppendingRecord, CutListener, RecordingFailed
 from cutenv.recording.provenance import Provenance
-from cutenv.rig.config.laid_specimen import Laid
+from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.config.settings import (
     EMULATED,
     EMULATOR,
@@ -42,7 +42,7 @@ from cutenv.rig.contradictions import refuse_contradictions
 from cutenv.rig.devices.camera import CAMERA_NOTE, RigCamera
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import AutomaticOperator, Operator
-from cutenv.rig.operation.session import RigSession, SpecimenKey, SpecimensByHand, recorded_beside, recorded_rows
+from cutenv.rig.operation.session import RigSession, SpecimenKey, SpecimensByHand, recorded_channels, recorded_rows
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.toml_file import read_rig_file
@@ -75,11 +75,13 @@ class FakeSpecimens:
         constants, drive = self._constants, self._constants.drive
         if key.specimen is None:
             raise RigError("a fake rig cuts drawn specimens only.")
-        laid = Laid(specimen=key.specimen, seed=key.seed, episode=key.episode, layers=self.layers, line=self.line)
+        mounted = MountedSpecimen(
+            specimen=key.specimen, seed=key.seed, episode=key.episode, layers=self.layers, line=self.line
+        )
         self._rig.mount(
             functools.partial(
-                SpecimenPlant if laid.line is None else SteeredBench,
-                laid,
+                SpecimenPlant if mounted.line is None else SteeredBench,
+                mounted,
                 drive=drive if drive != Rig() else None,  # None: the rig's own
                 sensor=constants.sensor,
                 law=constants.law,
@@ -335,7 +337,7 @@ class RigSource:
                 **({} if axis is None else {"vertical_axis": "-" * (axis.force_sign < 0) + axis.force_axis}),
                 **metadata,
             },
-            beside=recorded_beside(settings),
+            channels=recorded_channels(settings),
         )
         self._record = record
         heard = plant.keep

@@ -19,7 +19,7 @@ from cutenv.imitated.tissue_in_plane import TissueInPlane
 from cutenv.plant import DescendingPlant, ReplayPlant, SimulatedPlant
 from cutenv.plant.simulator import ANGLE_RANGE
 from cutenv.rig.config.identified import drive_of
-from cutenv.rig.config.laid_specimen import Laid
+from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.config.settings import CrossAxis, HeightAxis, RigSettings
 from cutenv.rig.safety.monitors import NOMINAL_LAG
 from cutenv.tissue.lines import straight
@@ -53,7 +53,7 @@ class DrivenPlant(Protocol):
         """Command the motion of the next millisecond of "height" [m/s], upwards, or of "side", to the left."""
         ...
 
-    def beside(self, axis: str) -> tuple[float, float]:
+    def cross_motion(self, axis: str) -> tuple[float, float]:
         """Return height of the blade's lower end, or its place to the left [m], and the speed of it [m/s]."""
         ...
 
@@ -99,7 +99,7 @@ class FreeAcross:
         """Move by a millisecond, in air."""
         self._across[axis].step(speed, stopping=stopping, blocked=blocked)
 
-    def beside(self, axis: str) -> tuple[float, float]:
+    def cross_motion(self, axis: str) -> tuple[float, float]:
         """Return place [m] and speed [m/s] of an axis across the cut."""
         return self._across[axis].place, self._across[axis].speed
 
@@ -115,7 +115,7 @@ class SpecimenPlant(FreeAcross):
 
     Parameters
     ----------
-    laid : Laid
+    mounted : MountedSpecimen
         Specimen, with the blade at the clamp and at height 0; its key selects the sensor's noise.
     settings : RigSettings
         Settings of the rig.
@@ -129,19 +129,20 @@ class SpecimenPlant(FreeAcross):
     """
 
     def __init__(
-        self, laid: Laid, settings: RigSettings, *, drive: Drive | None = None, sensor: SensorParameters | None = None,
+        self, mounted: MountedSpecimen, settings: RigSettings, *, drive: Drive | None = None,
+        sensor: SensorParameters | None = None,
         law: LawParameters | None = None,
     ) -> None:  # fmt: skip
         self._angle = settings.fixed_angle
         constants: dict[str, Any] = {
-            "drive": drive or drive_of(settings), "sensor": sensor, "law": law, "seed": laid.seed,
-            "episode": laid.episode, "angle": self._angle,
+            "drive": drive or drive_of(settings), "sensor": sensor, "law": law, "seed": mounted.seed,
+            "episode": mounted.episode, "angle": self._angle,
         }  # fmt: skip
         self.plant: SimulatedPlant
         if settings.height is None:
-            self.plant = SimulatedPlant(laid.drawn(), **constants)
+            self.plant = SimulatedPlant(mounted.drawn(), **constants)
         else:
-            self.plant = descending = DescendingPlant(laid.drawn(), layers=laid.layers, **constants)
+            self.plant = descending = DescendingPlant(mounted.drawn(), layers=mounted.layers, **constants)
             self._rise = _Rise(descending, settings.height)
         self._drives, self._states = self.plant.cuts["drives"][0], self.plant.states
         self._usual, self._quick_stop = self._drives[0].copy(), settings.blade.quick_stop
@@ -183,9 +184,9 @@ class SpecimenPlant(FreeAcross):
         """Position [m], speed [m/s] and angle [rad]."""
         return self._position, self._speed, self._angle
 
-    def beside(self, axis: str) -> tuple[float, float]:
+    def cross_motion(self, axis: str) -> tuple[float, float]:
         """Return place [m] and speed [m/s] of an axis across the cut."""
-        return super().beside(axis) if axis != "height" else self._rise.motion
+        return super().cross_motion(axis) if axis != "height" else self._rise.motion
 
     def cross_force(self, axis: str) -> float:
         """Return the force of the tissue on the blade, upwards [N]; it feels nothing of an axis to the side."""
@@ -341,7 +342,7 @@ class SteeredBench(AirPlant):
 
     Parameters
     ----------
-    laid : Laid
+    mounted : MountedSpecimen
         Specimen along its line, with the blade at the clamp, in the middle; its key selects the sensor's noise.
     settings : RigSettings
         Settings of a rig with an axis to the side.
@@ -355,14 +356,15 @@ class SteeredBench(AirPlant):
     """
 
     def __init__(
-        self, laid: Laid, settings: RigSettings, *, drive: Drive | None = None, sensor: SensorParameters | None = None,
+        self, mounted: MountedSpecimen, settings: RigSettings, *, drive: Drive | None = None,
+        sensor: SensorParameters | None = None,
         law: LawParameters | None = None,
     ) -> None:  # fmt: skip
         settings.require_side_axis(by="SteeredBench")
-        self.tissue = TissueInPlane(laid.drawn(), laid.line or straight(), law=law, angle=settings.fixed_angle)
-        self._to_side = Sensor(sensor, seed=(laid.seed + _ACROSS) % 2**64, episode=laid.episode)
+        self.tissue = TissueInPlane(mounted.drawn(), mounted.line or straight(), law=law, angle=settings.fixed_angle)
+        self._to_side = Sensor(sensor, seed=(mounted.seed + _ACROSS) % 2**64, episode=mounted.episode)
         self._side_force = 0.0
-        along = Sensor(sensor, seed=laid.seed, episode=laid.episode)
+        along = Sensor(sensor, seed=mounted.seed, episode=mounted.episode)
         super().__init__(settings, drive=drive, sensor=along, start=0.0)
 
     def _feel(self) -> None:

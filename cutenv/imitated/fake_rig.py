@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from cutenv.cutting.dtypes import TICK
 from cutenv.imitated.fake_benches import DrivenPlant, RecordedPlant, SpecimenPlant
 from cutenv.plant import ReplayPlant
-from cutenv.rig.config.laid_specimen import Laid
+from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.config.settings import Axis, RigSettings, fake_settings
 from cutenv.rig.devices.drivers import (
     DriveState,
@@ -415,7 +415,7 @@ class FakeRig:
     def _tell_across(self, now: float, drive: FakeDrive) -> None:
         faults = self.faults_of(drive.name)
         assert isinstance(faults, CrossFaults)
-        place, speed = self.bench.beside(drive.name)
+        place, speed = self.bench.cross_motion(drive.name)
         if faults.stuck:
             place, speed = self._shown_across[drive.name], 0.0
         self._shown_across[drive.name] = place
@@ -434,8 +434,8 @@ class FakeRig:
 
 def fake_rig(specimen: Specimen, settings: RigSettings | None = None, *, seed: int = 0) -> FakeRig:
     """Make a fake rig with a specimen on its bench, cut by the simulator's drive and measured by its sensor."""
-    laid = Laid(specimen=specimen, seed=seed)
-    return FakeRig(functools.partial(SpecimenPlant, laid), settings, depth=specimen.depth)
+    mounted = MountedSpecimen(specimen=specimen, seed=seed)
+    return FakeRig(functools.partial(SpecimenPlant, mounted), settings, depth=specimen.depth)
 
 
 def replayed_rig(trace: Trace, settings: RigSettings | None = None) -> FakeRig:

@@ -214,7 +214,7 @@ def training_kind(training: Mapping[str, Any]) -> str:
     return DEMONSTRATED if training["demonstrations"] or training.get("dataset") else SCRATCH
 
 
-def kind_told(name: str, policy: Any) -> str | None:
+def recorded_kind(name: str, policy: Any) -> str | None:
     """Return the kind of a policy of this name by what is recorded of it; None if nothing is."""
     if name in BASELINES:
         return OF_SCRIPT

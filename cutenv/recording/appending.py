@@ -21,7 +21,7 @@ from cutenv._base.validation import in_range, one_of
 from cutenv.recording.csv_file import head_text
 from cutenv.recording.provenance import check_operator
 from cutenv.recording.schema import RecordError, header_of
-from cutenv.trace import BESIDE, Reading, limits
+from cutenv.trace import CHANNELS, Reading, limits
 
 SYNCED_EVERY = 0.8
 """Time between two flushes to the disk [s]: with the duration of a flush, a second."""
@@ -53,8 +53,8 @@ class AppendingRecord:
         Fields of a :class:`cutenv.trace.Reading`, including time and force; every reading must hold them all.
     force_unit : {"N", "1"}
         Unit of the force, as in a :class:`cutenv.trace.Trace`.
-    beside : sequence of str
-        Further fields of the trace, of :data:`cutenv.trace.BESIDE`, which :meth:`append` is given with the readings.
+    channels : sequence of str
+        Further fields of the trace, of :data:`cutenv.trace.CHANNELS`, which :meth:`append` is given with the readings.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ class AppendingRecord:
         *,
         fields: Iterable[str] = Reading._fields,
         force_unit: str = "N",
-        beside: Iterable[str] = (),
+        channels: Iterable[str] = (),
     ) -> None:
         self.path = Path(path)
         self.rows = 0
@@ -107,9 +107,9 @@ class AppendingRecord:
         if missing := [name for name in ("time", "force") if name not in self._fields]:
             raise ValueError(f"fields must hold time and force; {' and '.join(missing)} is missing. Add it.")
         self._picked = itemgetter(*map(Reading._fields.index, self._fields))
-        self._beside = tuple(one_of("beside", name, BESIDE) for name in dict.fromkeys(beside))
-        self._limits = tuple(limits(name, force_unit) for name in (*self._fields, *self._beside))
-        self._names = [header_of(name, force_unit) for name in (*self._fields, *self._beside)]
+        self._channels = tuple(one_of("channels", name, CHANNELS) for name in dict.fromkeys(channels))
+        self._limits = tuple(limits(name, force_unit) for name in (*self._fields, *self._channels))
+        self._names = [header_of(name, force_unit) for name in (*self._fields, *self._channels)]
         self._last = -float("inf")
         self._metadata = dict(metadata or {})
         self._head = self._head_with(None, self._metadata)
@@ -126,14 +126,14 @@ class AppendingRecord:
             self.abandon()
             raise
 
-    def append(self, readings: Iterable[Reading], beside: Iterable[tuple[float, ...]] | None = None) -> None:
+    def append(self, readings: Iterable[Reading], channels: Iterable[tuple[float, ...]] | None = None) -> None:
         """Write some readings, all or none; from one thread at a time.
 
         Parameters
         ----------
         readings : iterable of Reading
             In order of time.
-        beside : iterable of tuple of float, optional
+        channels : iterable of tuple of float, optional
             For each reading the values of the fields named at the beginning as ``beside``, in that order.
 
         Raises
@@ -151,8 +151,8 @@ class AppendingRecord:
         if self.failed is not None:
             raise RecordingFailed(self.failed)
         last, lines = self._last, []
-        more = itertools.repeat(()) if beside is None else beside
-        for reading, others in zip(readings, more, strict=beside is not None):
+        more = itertools.repeat(()) if channels is None else channels
+        for reading, others in zip(readings, more, strict=channels is not None):
             row = self._picked(reading) + tuple(others)
             try:
                 fits = all(low <= value <= high for value, (low, high) in zip(row, self._limits, strict=True))

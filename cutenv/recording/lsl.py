@@ -241,7 +241,7 @@ def record_stream(
     path: Path,
     *,
     seconds: float | None = None,
-    told: Callable[[Reading], None] = lambda newest: None,
+    on_reading: Callable[[Reading], None] = lambda newest: None,
 ) -> int:
     """Record a stream until a time has passed or it falls silent; return the number of readings.
 
@@ -258,7 +258,7 @@ def record_stream(
         New file, .csv.
     seconds : float, optional
         Duration [s].
-    told : callable
+    on_reading : callable
         Is given the newest reading after every chunk.
 
     Raises
@@ -298,7 +298,7 @@ def record_stream(
                 readings = _rows(columns, mapping)
                 record.append(readings)
                 count += len(readings)
-                told(readings[-1])
+                on_reading(readings[-1])
             if len(kept) < len(samples):
                 break
     finally:

@@ -18,9 +18,9 @@ from cutenv._base.arrays import Array
 from cutenv._base.imports import optional_import
 from cutenv.recording.schema import SCHEMA, as_names, check_schema, header_of, mapping_from_json, to_json
 from cutenv.recording.table import CutTable, row_from_0
-from cutenv.trace import BESIDE, COMPONENTS_OF_FORCE, PLACE, Reading, Trace
+from cutenv.trace import CHANNELS, COMPONENTS_OF_FORCE, PLACE, Reading, Trace
 
-_FIELDS = (*Reading._fields, *BESIDE)
+_FIELDS = (*Reading._fields, *CHANNELS)
 """Numbers of a ``cutenv_msgs/msg/Reading`` in their order; NaN for what a cut does not hold."""
 _METADATA = "cutenv"  # name of the metadata record that holds everything but the readings
 _LARGEST_RECORD, _LARGEST_CHUNK = 1 << 28, 1 << 26  # bytes, so that a damaged length does not request all memory

@@ -17,7 +17,7 @@ from typing import Any
 
 from cutenv._base.arrays import Array
 from cutenv._base.unit_table import ANGLES, FORCES, LENGTHS, SPEEDS, TIMES, TORQUES, Unit
-from cutenv.trace import BESIDE, FORCE_UNITS
+from cutenv.trace import CHANNELS, FORCE_UNITS
 
 SCHEMA = "cutenv-record/1"
 """Name and version of the format, in every file that :func:`cutenv.recording.save` writes."""
@@ -159,12 +159,12 @@ FIELD_UNITS: Mapping[str, tuple[Unit, ...]] = MappingProxyType(
 )
 """Units of each field of a :class:`cutenv.trace.Trace`, the SI unit first."""
 _FORCES_ASIDE = ("vertical", "lateral")
-_BESIDE_UNITS: Mapping[str, tuple[Unit, ...]] = {
+_CHANNEL_UNITS: Mapping[str, tuple[Unit, ...]] = {
     "height": LENGTHS, "vertical_force": FORCES, "lateral_force": FORCES, "torque": TORQUES, "blade": LENGTHS,
 }  # fmt: skip
 _BY_SPELLING = {  # people write the sign, with its slash; a header may have to do without
     field: {spelling: unit for unit in units for spelling in (unit.name, unit.sign)}
-    for field, units in {**FIELD_UNITS, **_BESIDE_UNITS}.items()
+    for field, units in {**FIELD_UNITS, **_CHANNEL_UNITS}.items()
 }
 UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
     {field: {spelling: unit.factor for spelling, unit in _BY_SPELLING[field].items()} for field in FIELD_UNITS}
@@ -297,8 +297,8 @@ def header_of(field: str, force_unit: str = "N") -> str:
     ValueError
         If there is no such field or unit.
     """
-    if field not in UNITS and field not in BESIDE:
-        raise ValueError(f"{field!r} is no field of a trace; its fields are {', '.join((*UNITS, *BESIDE))}.")
+    if field not in UNITS and field not in CHANNELS:
+        raise ValueError(f"{field!r} is no field of a trace; its fields are {', '.join((*UNITS, *CHANNELS))}.")
     if force_unit not in FORCE_UNITS:
         raise ValueError(f"force_unit must be one of {', '.join(FORCE_UNITS)}, got {force_unit!r}.")
     return f"{field}_{unit_of(field, force_unit).name}"

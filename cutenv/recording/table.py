@@ -15,7 +15,7 @@ import numpy as np
 
 from cutenv._base.arrays import Array
 from cutenv.recording.schema import AXES, UNITS, Column, header_of, parse_header
-from cutenv.trace import BESIDE, COMPONENTS_OF_FORCE, Trace, limits
+from cutenv.trace import CHANNELS, COMPONENTS_OF_FORCE, Trace, limits
 
 CUT_COLUMN = "cut"
 """Name of the column with the number of the cut."""
@@ -92,7 +92,7 @@ def table_of(traces: Sequence[Trace]) -> CutTable:
     any_of = dict.fromkeys(itertools.chain.from_iterable(headers_of))
     headers = tuple(
         header
-        for name in (*UNITS, *BESIDE)
+        for name in (*UNITS, *CHANNELS)
         for header in dict.fromkeys((header_of(name), header_of(name, "1")))
         if header in any_of
     )

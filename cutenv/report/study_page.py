@@ -230,9 +230,9 @@ def spread(found: Findings) -> tuple[str, str, str]:
     return mean, "", digits_of(found, found.scale) if found.scale > 0.0 else ""
 
 
-def cuts_needed(told: OneWay) -> str:
+def cuts_needed(reliability: OneWay) -> str:
     """Return the number of cuts whose mean would reach a reliability of 0.8, in words if it is out of reach."""
-    cuts = told.cuts_for(0.8)
+    cuts = reliability.cuts_for(0.8)
     if math.isinf(cuts):
         return "none will do"
     return f"more than {_LONGEST}" if cuts > _LONGEST else str(max(1, math.ceil(cuts)))

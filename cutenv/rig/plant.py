@@ -32,7 +32,7 @@ from cutenv.rig.travel import AIMED, SLICE, VALID, Travel
 from cutenv.tissue.drawn_lines import along_line
 from cutenv.tissue.lines import CutLine
 from cutenv.tissue.specimen import N_POINTS
-from cutenv.trace import BESIDE, COMPONENTS_OF_FORCE
+from cutenv.trace import CHANNELS, COMPONENTS_OF_FORCE
 
 _REMEMBERED = 400  # moments that are remembered: two for each decision
 
@@ -83,8 +83,8 @@ _OLDEST = 0.05  # [s] before a period, from which samples are still used
 _KEPT = 4.0  # [s] of samples kept
 _UNKNOWN = ("true_force", "elastic_force", "tip", "jump")
 
-BESIDE_READINGS: np.dtype[Any] = np.dtype([(name, "f8") for name in BESIDE])
-"""Measurements of a rig beside a reading, :data:`cutenv.trace.BESIDE`; 0 where no axis measures them."""
+CHANNEL_READINGS: np.dtype[Any] = np.dtype([(name, "f8") for name in CHANNELS])
+"""Measurements of a rig beside a reading, :data:`cutenv.trace.CHANNELS`; 0 where no axis measures them."""
 
 
 class ReadingGrid:
@@ -110,7 +110,7 @@ class ReadingGrid:
     newest : float
         Time of the newest force that :meth:`collect` used [s].
     beside : Records or None
-        :data:`BESIDE_READINGS` for the last readings that :meth:`collect` returned; None for a rig that
+        :data:`CHANNEL_READINGS` for the last readings that :meth:`collect` returned; None for a rig that
         has no axis across the cut and records the force along it alone.
     line : CutLine or None
         Line of which positions are arc lengths; None: they are those of the blade's axis.
@@ -127,7 +127,7 @@ class ReadingGrid:
         self._height, self._side, self._heading = settings.height, settings.side, heading
         self.line: CutLine | None = None
         more = settings.cross_axes or settings.sensor.components == "all"
-        self.beside = np.zeros(0, BESIDE_READINGS) if more else None
+        self.channels = np.zeros(0, CHANNEL_READINGS) if more else None
 
     def force(self, sample: ForceSample) -> None:
         """Keep a reading of the force sensor."""
@@ -161,8 +161,8 @@ class ReadingGrid:
             readings["force"] = along[newest]
             self.newest = float(sensed[-1])
         readings["position"], readings["speed"] = self._interpolated("blade", time)
-        if self.beside is not None:
-            self.beside = self._measured_beside(time, [forces[i] for i in newest.tolist()])
+        if self.channels is not None:
+            self.channels = self._measured_channels(time, [forces[i] for i in newest.tolist()])
         if self._side is not None:
             self._turn_to_heading(readings, time)
         readings["speed"][np.abs(readings["speed"]) < REST_SPEED] = 0.0
@@ -174,32 +174,32 @@ class ReadingGrid:
 
     def _turn_to_heading(self, readings: StructArray, time: NDArray[np.float64]) -> None:
         """Turn force and speed into the direction of the blade; tell positions along the line."""
-        assert self.beside is not None
+        assert self.channels is not None
         heading = self._heading.at(time)
         ahead, across = np.cos(heading), np.sin(heading)
         x, (y, to_left) = readings["position"].copy(), self._interpolated("side", time)
-        force, push = readings["force"].copy(), self.beside["lateral_force"]
+        force, push = readings["force"].copy(), self.channels["lateral_force"]
         readings["force"] = ahead * force + across * push
         readings["speed"] = ahead * readings["speed"] + across * to_left
-        self.beside["lateral_force"] = ahead * push - across * force
-        self.beside["blade_x"], self.beside["blade_y"] = x, y
+        self.channels["lateral_force"] = ahead * push - across * force
+        self.channels["blade_x"], self.channels["blade_y"] = x, y
         if self.line is not None:
             readings["position"] = along_line(self.line, x, y)[0]
 
-    def _measured_beside(self, time: NDArray[np.float64], samples: list[ForceSample]) -> NDArray[np.void]:
+    def _measured_channels(self, time: NDArray[np.float64], samples: list[ForceSample]) -> NDArray[np.void]:
         """Return height, forces across the cut and all six components at times [s], of the force sample of each."""
-        beside = np.zeros(len(time), BESIDE_READINGS)
+        channels = np.zeros(len(time), CHANNEL_READINGS)
         if self._height is not None:
-            beside["height"], _ = self._interpolated("height", time)
+            channels["height"], _ = self._interpolated("height", time)
         if samples:
             if self._height is not None:
-                beside["vertical_force"] = [self._height.felt(sample.force) for sample in samples]
+                channels["vertical_force"] = [self._height.felt(sample.force) for sample in samples]
             if self._side is not None:
-                beside["lateral_force"] = [self._side.felt(sample.force) for sample in samples]
+                channels["lateral_force"] = [self._side.felt(sample.force) for sample in samples]
             six = np.array([(*sample.force, *sample.torque) for sample in samples])
             for number, name in enumerate(COMPONENTS_OF_FORCE):
-                beside[name] = six[:, number]
-        return beside
+                channels[name] = six[:, number]
+        return channels
 
     def _interpolated(self, axis: str, time: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         return interpolated(time, newest_since(self._motions[axis], time[0] - _OLDEST))
@@ -457,20 +457,20 @@ class RigPlant(Travel):
         Raises ValueError for a rig without a height axis.
         """
         self.settings.require_height_axis(by="vertical_force")
-        beside = self.beside
-        assert beside is not None
-        force: NDArray[np.float64] = beside["vertical_force"]
+        channels = self.channels
+        assert channels is not None
+        force: NDArray[np.float64] = channels["vertical_force"]
         return force
 
     @property
-    def beside(self) -> StructArray | None:
+    def channels(self) -> StructArray | None:
         """Further measurements with the last readings.
 
         They are None for a rig that records none of them.
 
-        Of type :data:`~cutenv.rig.plant.BESIDE_READINGS`, one for each reading that :meth:`advance` returned.
+        Of type :data:`~cutenv.rig.plant.CHANNEL_READINGS`, one for each reading that :meth:`advance` returned.
         """
-        return self._grid.beside
+        return self._grid.channels
 
     @property
     def began(self) -> float:

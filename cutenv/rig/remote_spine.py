@@ -270,7 +270,7 @@ class RemoteSpine:
                 missed = self._take_in()
             finally:
                 self._hearer = 0
-        if self.supervisor.told is Phase.READY and (missed or self.clock.now() - self._heard_at > _SILENT):
+        if self.supervisor.last_phase is Phase.READY and (missed or self.clock.now() - self._heard_at > _SILENT):
             self._heard_at = math.inf  # until the next comes
             why = f"{missed} readings of the spine are lost" if missed else "nothing comes from the spine any more"
             self.ask_for_stop(Cause.EXCEPTION, f"{why}: it is paused, or something wrote to its memory")
@@ -378,8 +378,8 @@ class RemoteSupervisor:
         Last force reading that was received.
     heard : int
         Number of stops asked for that the spine has heard.
-    told : Phase
-        Phase that the spine has told.
+    last_phase : Phase
+        Phase that the spine has reported last.
     """
 
     def __init__(self, spine: RemoteSpine) -> None:
@@ -388,7 +388,7 @@ class RemoteSupervisor:
         self.newest: dict[str, MotionSample] = {}
         self.newest_force_heard: ForceSample | None = None
         self._spine = spine
-        self.told, self._report = Phase.UNREADY, None
+        self.last_phase, self._report = Phase.UNREADY, None
 
     _report: StopReport | None
 
@@ -401,13 +401,13 @@ class RemoteSupervisor:
                     vars(self._report).update(vars(report))  # whoever has it sees it completed
                 else:
                     self._report = report
-            self.told = Phase(phase)
+            self.last_phase = Phase(phase)
 
     @property
     def phase(self) -> Phase:
         """State of the rig; stopped, if the spine has ended."""
         self._spine.hear()
-        return Phase.STOPPED if self._spine.gone else self.told
+        return Phase.STOPPED if self._spine.gone else self.last_phase
 
     @property
     def report(self) -> StopReport | None:

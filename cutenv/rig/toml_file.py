@@ -19,7 +19,7 @@ import numpy as np
 from cutenv._base.output import atomic_write
 from cutenv._base.validation import in_range, one_of
 from cutenv.rig.config.file_schema import IDENTIFIED, SECTIONS, FileKey, FileSection
-from cutenv.rig.config.laid_specimen import check_depth_profile, reach_of
+from cutenv.rig.config.mounted_specimen import check_depth_profile, reach_of
 from cutenv.rig.config.settings import Identified, RigSettings, day_of
 from cutenv.rig.contradictions import refuse_contradictions
 from cutenv.rig.devices.driver_registry import (

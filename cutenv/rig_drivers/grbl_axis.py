@@ -147,20 +147,20 @@ def check_grbl(rig: RigSettings, role: str) -> None:
         raise ValueError(f"bus.sync_ms = {1e3 * rig.bus.sync:g}: GRBL tells its position every 100 ms. Write 100.")
 
 
-def lines_to_send(told: Mapping[int, float], axis: Axis, number: int) -> list[str]:
+def lines_to_send(settings: Mapping[int, float], axis: Axis, number: int) -> list[str]:
     """Return the lines that set a machine as the file says.
 
     Empty if it is.
 
-    ``told`` are its settings by number, and ``number`` is the place of the axis among its own.
+    ``settings`` are its settings by number, and ``number`` is the place of the axis among its own.
     """
     wanted = {110 + number: _MINUTE * axis.speed, 120 + number: 1e3 * axis.acceleration}
     wrong = [
-        f"${key}={value:.3f}" for key, value in wanted.items() if not abs(told.get(key, 0.0) / value - 1.0) <= _SAME
+        f"${key}={value:.3f}" for key, value in wanted.items() if not abs(settings.get(key, 0.0) / value - 1.0) <= _SAME
     ]
-    if not int(told.get(10, 1)) & 1:  # reports of the machine position
+    if not int(settings.get(10, 1)) & 1:  # reports of the machine position
         wrong.append("$10=1")
-    if told.get(13, 0.0):  # in inches
+    if settings.get(13, 0.0):  # in inches
         wrong.append("$13=0")
     return wrong
 

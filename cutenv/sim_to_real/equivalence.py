@@ -331,7 +331,7 @@ class Agreement:
         return [dataclasses.replace(each, p_differ=p) for each, p in zip(found, adjusted, strict=True)]
 
     @property
-    def untold(self) -> dict[str, str]:
+    def not_compared(self) -> dict[str, str]:
         """Reasons why the other measures cannot be compared, by name."""
         return {name: each.reason for name, each in self._compared.items() if isinstance(each, Inconclusive)}
 

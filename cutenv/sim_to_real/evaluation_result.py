@@ -108,7 +108,7 @@ class Evaluation:
                 f"{self.clock.overruns} of {len(self.clock.periods)} commands were more than 2 ms late and cost "
                 f"{self.clock.skipped:.2f} s: differences may come from this computer."
             )
-        said += [f"{name} is not compared: {reason}." for name, reason in self.agreement.untold.items()]
+        said += [f"{name} is not compared: {reason}." for name, reason in self.agreement.not_compared.items()]
         return said
 
     def to_json(self) -> str:
@@ -128,7 +128,7 @@ class Evaluation:
             "changed_si": dict(self.changed),
             "verdict": vars(verdict),
             "findings": [each.to_dict() for each in self.agreement.findings],
-            "not_compared": self.agreement.untold,
+            "not_compared": self.agreement.not_compared,
             "cuts": [
                 {
                     "rig": {"end": cut.end, "return": cut.value, "success": cut.success},

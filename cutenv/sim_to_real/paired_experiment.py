@@ -171,7 +171,7 @@ def simulate_cuts(
     specimens: int,
     draws: int = DRAWS,
     specimen: Specimen | None = None,
-    told: ProgressCallback | None = None,
+    progress: ProgressCallback | None = None,
 ) -> list[list[ComparedCut]]:
     """Cut every specimen ``draws`` times, each with another draw of the sensor's noise; return the cuts by specimen.
 
@@ -181,8 +181,8 @@ def simulate_cuts(
     for episode in range(specimens):
         key: dict[str, Any] = {"seed": seed, "episode": episode, "specimen": specimen}
         cuts.append([cut_once(env, policy, noise=draw, **key) for draw in range(draws)])
-        if told is not None:
-            told("simulator", episode + 1)
+        if progress is not None:
+            progress("simulator", episode + 1)
     return cuts
 
 
@@ -193,7 +193,7 @@ def cut_twins(
     *,
     seed: int,
     draws: int = DRAWS,
-    told: ProgressCallback | None = None,
+    progress: ProgressCallback | None = None,
 ) -> tuple[list[ComparedCut], list[list[ComparedCut]], list[str]]:
     """Let a policy cut the twin of each specimen that a rig has cut, and keep of both sides what was held out.
 
@@ -209,7 +209,7 @@ def cut_twins(
         Seed of what the twins do not know: the tissue beyond the fitted part, and the sensor's noise.
     draws : int
         Number of simulated cuts of each twin, each with another draw of both.
-    told : callable, optional
+    progress : callable, optional
         Called with "simulator" and the number of twins that it has cut.
 
     Returns
@@ -237,8 +237,8 @@ def cut_twins(
         parts = [dataclasses.replace(each, trace=held_out(each.trace, twin.until)) for each in (cut, *twins)]
         kept.append(parts[0])
         simulated.append(parts[1:])
-        if told is not None:
-            told("simulator", episode + 1)
+        if progress is not None:
+            progress("simulator", episode + 1)
     return kept, simulated, notes
 
 
@@ -249,7 +249,7 @@ def cut_on_rig(
     seed: int,
     specimens: int,
     specimen: Specimen | None = None,
-    told: ProgressCallback | None = None,
+    progress: ProgressCallback | None = None,
 ) -> tuple[list[ComparedCut], ClockKept, list[str]]:
     """Cut every specimen once.
 
@@ -276,13 +276,13 @@ def cut_on_rig(
         cuts.append(cut)
         timing = env.session.plant.timing
         parts.append((timing.periods, timing.latencies, timing.overruns, timing.skipped, timing.garbled))
-        if told is not None:
-            told("rig", len(cuts))
+        if progress is not None:
+            progress("rig", len(cuts))
     return cuts, ClockKept.of(env.ticks * TICK, parts), between
 
 
 def cut_again(
-    env: RigCutEnv, policy: Policy, between: list[str], *, seed: int, episode: int, **laid: Any
+    env: RigCutEnv, policy: Policy, between: list[str], *, seed: int, episode: int, **given: Any
 ) -> ComparedCut | None:
     """Cut one specimen.
 
@@ -303,7 +303,7 @@ def cut_again(
     lost = False
     for _ in range(_ATTEMPTS):
         try:
-            cut = cut_once(env, policy, seed=seed, episode=episode, **laid)
+            cut = cut_once(env, policy, seed=seed, episode=episode, **given)
         except RigError as error:
             between.append(f"specimen {episode + 1}: {error}")
             lost = lost or _time_was_lost(env)
@@ -347,7 +347,7 @@ def paired_experiment(
     draws: int = DRAWS,
     specimen: Specimen | None = None,
     unknown: bool | None = None,
-    told: ProgressCallback | None = None,
+    progress: ProgressCallback | None = None,
 ) -> PairedCuts:
     """Let a policy cut the same specimens in the simulator and on a rig.
 
@@ -368,7 +368,7 @@ def paired_experiment(
         The one that every cut is made in, where its tissue is known, such as blocks from one mould.
     unknown : bool, optional
         True to treat an imitated rig's specimens as those of a lab; by default as the rig is.
-    told : callable, optional
+    progress : callable, optional
         Called with the side and the number of specimens that it has cut.
     """
     in_range("specimens", specimens, FEWEST_SPECIMENS, 10_000, "1", "A dozen is a beginning.")
@@ -379,11 +379,11 @@ def paired_experiment(
     expected: list[list[ComparedCut]] = []
     if not twins:
         expected = simulate_cuts(
-            simulator, policy, seed=seed, specimens=specimens, draws=draws, specimen=specimen, told=told
+            simulator, policy, seed=seed, specimens=specimens, draws=draws, specimen=specimen, progress=progress
         )
-    cuts, clock, between = cut_on_rig(rig, policy, seed=seed, specimens=specimens, specimen=laid, told=told)
+    cuts, clock, between = cut_on_rig(rig, policy, seed=seed, specimens=specimens, specimen=laid, progress=progress)
     if twins:
-        cuts, expected, notes = cut_twins(simulator, policy, cuts, seed=seed, draws=draws, told=told)
+        cuts, expected, notes = cut_twins(simulator, policy, cuts, seed=seed, draws=draws, progress=progress)
         between += notes
     paired = twins or specimen is not None or not unknown
     return PairedCuts(simulator=expected, rig=cuts, paired=paired, clock=clock, between=between, twins=twins)

@@ -325,7 +325,7 @@ class RigComparison:
         """Return the number of the specimen that is laid."""
         return 2 * pair + turn if self.apart else pair
 
-    def run(self, kept: KeptCuts, told: Callable[[int], object] = lambda pairs: None) -> None:
+    def run(self, kept: KeptCuts, progress: Callable[[int], object] = lambda pairs: None) -> None:
         """Cut until it is decided, or ``question.most`` pairs are made.
 
         Goes on where the kept cuts end.
@@ -345,7 +345,7 @@ class RigComparison:
             order = self.order(pair)
             for turn in sorted({0, 1} - {*kept.of(pair)}):
                 kept.add({"pair": pair, "turn": turn, "policy": order[turn], **self._cut(pair, turn, order[turn])})
-            told(1)
+            progress(1)
 
     def _cut(self, pair: int, turn: int, policy: int) -> dict[str, Any]:
         episode, length = self.episode(pair, turn), self.length(pair)
@@ -438,7 +438,7 @@ class RigComparison:
             row |= {f"{side}_foretold": None if cut["foretold"] is None else cut["foretold"][0]}
         return row | {f"{name}_difference": float(counted[k]) for k, name in enumerate(OUTCOMES)}
 
-    def pilot(self, pairs: int, told: Callable[[int], object] = lambda pairs: None) -> Array:
+    def pilot(self, pairs: int, progress: Callable[[int], object] = lambda pairs: None) -> Array:
         """Return differences of simulated pairs as they would be cut, shape (2, n), without the twins' correction."""
         found = []
         for pair in range(pairs):
@@ -453,7 +453,7 @@ class RigComparison:
                 for turn in (0, 1)
             ]
             found.append(cuts[order.index(0)] - cuts[order.index(1)])
-            told(1)
+            progress(1)
         return np.array(found).T
 
 

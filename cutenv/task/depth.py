@@ -637,7 +637,7 @@ class DepthEpisode(Episode):
         return super().step(action)
 
     def _measured(self, count: int) -> tuple[dict[str, Array], Array]:
-        channels = {name: self.plant.beside[name].copy() for name in self.task.measured}
+        channels = {name: self.plant.channels[name].copy() for name in self.task.measured}
         return channels, _ways_of(channels)
 
     @property

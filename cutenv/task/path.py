@@ -733,7 +733,7 @@ class PathEpisode(Episode):
     _before = (0.0, 0.0)
 
     def _measured(self, count: int) -> tuple[dict[str, Array], Array]:
-        channels = {name: self.plant.beside[name].copy() for name in self.task.measured}
+        channels = {name: self.plant.channels[name].copy() for name in self.task.measured}
         return channels, _ways_of(channels, self.plant.heading.now)
 
     def step(self, action: Array) -> tuple[Array32, float]:

@@ -36,7 +36,7 @@ from cutenv.tissue.lines import (
     s_shape,
     straight,
 )
-from cutenv.tissue.place_model import TipStiffness, along_whole_line, beside_line, off_line, over_straight
+from cutenv.tissue.place_model import TipStiffness, along_whole_line, off_line, over_straight, stiffness_off_line
 from cutenv.tissue.tables import FOLDER
 
 MIXED_KINDS = ("straight", "arc", "s", "excision", "random")
@@ -290,7 +290,7 @@ def expected_cut(line: CutLine, x: Array, y: Array, tip: Array, tissue: TissueDe
         cosine, sine = math.cos(angle), math.sin(angle)
         off_x, off_y = float(x[blades[i]]) - east, float(y[blades[i]]) - north
         ahead, left = off_x * cosine + off_y * sine, off_y * cosine - off_x * sine
-        along, coupled, across = beside_line(here[:3], here[3:], float(aside[i]))
+        along, coupled, across = stiffness_off_line(here[:3], here[3:], float(aside[i]))
         pull, push = along * ahead + coupled * left, coupled * ahead + across * left
         if pull > 0.0:
             turn = math.remainder(angle + math.atan2(push, pull) - heading, 2.0 * math.pi)

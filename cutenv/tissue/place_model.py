@@ -109,7 +109,7 @@ def stiffness_by_place(numbers: tuple[float, ...] | Array, x: Array, y: Array, s
 
 
 def off_line(line: CutLine, straight: TipStiffness) -> OffLine:
-    """Return the rates of L along a line, by the stiffness along a straight one; see :func:`beside_line`."""
+    """Return the rates of L along a line, by the stiffness along a straight one; see :func:`stiffness_off_line`."""
     sine, cosine = sine_and_cosine(line.angle)
 
     def root(aside: float) -> tuple[Array, Array, Array]:
@@ -127,7 +127,7 @@ def off_line(line: CutLine, straight: TipStiffness) -> OffLine:
 
 
 @njit_inline
-def beside_line(
+def stiffness_off_line(
     stiffness: tuple[float, float, float], rates: tuple[float, float, float], aside: float
 ) -> tuple[float, float, float]:
     """Return the stiffness along, coupled and across of a tip ``aside`` [m] to the left of its line.

@@ -8,7 +8,7 @@ import pytest
 from cutenv.tissue import place_model
 from cutenv.tissue.drawn_lines import STORED, drawn_lines, given_line
 from cutenv.tissue.lines import half_ellipse, straight
-from cutenv.tissue.place_model import FARTHEST, beside_line, fitted_numbers
+from cutenv.tissue.place_model import FARTHEST, fitted_numbers, stiffness_off_line
 from scripts.derivations import lines
 from scripts.validation.physics import crack_truth
 
@@ -25,9 +25,9 @@ def test_stiffness_beside_every_line_is_positive_and_on_it_the_lines_own_to_the_
         rates = record["off_line"].reshape(-1, 3).T
         for i in range(0, round(record["within"] / 0.0005) + 1, 20):
             here, off = tuple(float(part[i]) for part in own), tuple(float(part[i]) for part in rates)
-            assert beside_line(here, off, 0.0) == here
+            assert stiffness_off_line(here, off, 0.0) == here
             for d in DISTANCES:
-                along, coupled, across = beside_line(here, off, d)
+                along, coupled, across = stiffness_off_line(here, off, d)
                 assert along > 0.0
                 assert along * across > coupled**2
 

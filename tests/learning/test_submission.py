@@ -22,8 +22,8 @@ from cutenv.learning.benchmark import (
     entry_digest,
     entry_files,
     entry_seeds,
-    kind_told,
     read_submission,
+    recorded_kind,
     replayed,
     returns_after,
     standing,
@@ -406,9 +406,9 @@ def test_the_kind_of_an_agent_follows_from_the_options_of_its_training(options, 
 
 def test_the_kind_of_a_policy_is_what_its_card_records():
     names = ("ppo-free", "ppo-path", "return stroke")
-    assert [kind_told(name, contestant(name).policy) for name in names] == [
+    assert [recorded_kind(name, contestant(name).policy) for name in names] == [
         "with demonstrations",
         "correction of a script",
         "script",
     ]
-    assert kind_told("mine:Mine", ConstantFeed(speed=0.02)) is None
+    assert recorded_kind("mine:Mine", ConstantFeed(speed=0.02)) is None

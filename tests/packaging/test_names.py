@@ -129,3 +129,44 @@ def test_every_docstring_names_its_subject(folder: str) -> None:
                 wrong.append(f"{path.relative_to(ROOT)}:{line}: {text.strip().splitlines()[0]}")
     assert found > 0, f"no docstring found in {folder}: nothing was checked"
     assert not wrong, "begin with the noun or verb instead:\n" + "\n".join(wrong)
+
+
+WORDS = {"beside": "channels", "laid": "mounted", "told": "what is reported", "untold": "pending"}
+"""Words that no public name has, each with a word that a reader would search for."""
+
+
+def public_names(path: Path) -> set[str]:
+    """Names that a user of a module meets: those of it, of its classes and of what their functions take."""
+    names = {path.stem}
+
+    def meet(body: list[ast.stmt]) -> None:
+        for node in body:
+            if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
+                if node.name.startswith("_") and node.name != "__init__":
+                    continue
+                names.add(node.name)
+                if isinstance(node, ast.ClassDef):
+                    meet(node.body)
+                else:
+                    taken = node.args
+                    every = (*taken.posonlyargs, *taken.args, *taken.kwonlyargs, taken.vararg, taken.kwarg)
+                    names.update(each.arg for each in every if each is not None)
+            elif isinstance(node, (ast.Assign, ast.AnnAssign)):
+                targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+                names.update(part.id for target in targets for part in ast.walk(target) if isinstance(part, ast.Name))
+
+    meet(ast.parse(path.read_text(encoding="utf-8")).body)
+    return {name for name in names if not name.startswith("_")}
+
+
+def test_no_public_name_has_a_word_of_a_dialect() -> None:
+    for path in sorted((ROOT / "cutenv").rglob("*.py")):
+        found = {name for name in public_names(path) if WORDS.keys() & set(name.lower().split("_"))}
+        assert not found, f"{path.relative_to(ROOT)} has {found}; see WORDS"
+
+
+def test_a_word_of_a_dialect_is_noticed_wherever_a_user_meets_it(tmp_path: Path) -> None:
+    (tmp_path / "one.py").write_text(
+        "UNTOLD = 1\nclass Rig:\n laid: int = 0\n def move(self, *, beside): ...\n def _told(self, told): ...\n"
+    )
+    assert public_names(tmp_path / "one.py") == {"one", "UNTOLD", "Rig", "laid", "move", "self", "beside"}

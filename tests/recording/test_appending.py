@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from made_up import FULL, JSON, some, traces
 
 from cutenv.recording import AppendingRecord, RecordError, RecordingFailed, load, load_one, read_record, save
-from cutenv.trace import BESIDE, Reading, Trace
+from cutenv.trace import CHANNELS, Reading, Trace
 
 READINGS = [FULL[i] for i in range(len(FULL))]
 BARE = ("time", "force")
@@ -52,12 +52,12 @@ def test_a_record_gives_back_what_was_appended_to_the_last_bit(
     tmp_path_factory: pytest.TempPathFactory, trace: Trace, extra: dict
 ) -> None:
     file = tmp_path_factory.mktemp("record") / "cut.csv"
-    beside = [name for name in trace.known if name in BESIDE]
-    fields = [name for name in trace.known if name not in beside]
-    record = AppendingRecord(file, trace.metadata, fields=fields, beside=beside, force_unit=trace.force_unit)
+    channels = [name for name in trace.known if name in CHANNELS]
+    fields = [name for name in trace.known if name not in channels]
+    record = AppendingRecord(file, trace.metadata, fields=fields, channels=channels, force_unit=trace.force_unit)
     for i in range(len(trace)):
-        more = [tuple(float(getattr(trace, name)[i]) for name in beside)]
-        record.append([trace[i]], more if beside else None)
+        more = [tuple(float(getattr(trace, name)[i]) for name in channels)]
+        record.append([trace[i]], more if channels else None)
     so_far = load_one(file)
     record.close(extra)
     whole = load_one(file)

@@ -63,7 +63,7 @@ def inlet() -> Iterator[LslInlet]:
 
 def test_any_force_stream_becomes_a_record_in_si(inlet: LslInlet, tmp_path: Path) -> None:
     newest: list[Any] = []
-    count = record_stream(inlet, MAP, tmp_path / "cut.csv", seconds=0.6, told=newest.append)
+    count = record_stream(inlet, MAP, tmp_path / "cut.csv", seconds=0.6, on_reading=newest.append)
     trace = load_one(tmp_path / "cut.csv")
     assert len(trace) == count
     assert 20 <= count <= 121  # 120; a sender on a busy machine is late

@@ -18,7 +18,7 @@ from cutenv.recording.appending import AppendingRecord
 from cutenv.recording.column_map import ColumnMap
 from cutenv.recording.importers import load_foreign, read_record
 from cutenv.scoring import score
-from cutenv.trace import BESIDE, COMPONENTS_OF_FORCE, Reading, Trace
+from cutenv.trace import CHANNELS, COMPONENTS_OF_FORCE, Reading, Trace
 
 MAPPING = ColumnMap.parse(["time=t", "force=F"], unit="N")
 FOREIGN = "t,F\n" + "".join(f"{i / 100},{1.0 + math.sin(i / 9.0)!r}\n" for i in range(200))
@@ -165,7 +165,7 @@ def test_every_public_name_is_there_and_no_other() -> None:
 
 
 N = len(FULL)
-MORE = {name: np.random.default_rng(k).normal(0.0, 0.05, N) for k, name in enumerate(BESIDE)}
+MORE = {name: np.random.default_rng(k).normal(0.0, 0.05, N) for k, name in enumerate(CHANNELS)}
 SIX = Trace(**{name: getattr(FULL, name) for name in FULL.known}, **MORE, metadata=FULL.metadata)
 HEADER = (
     "time_s,force_N,position_m,speed_m_s,angle_rad,depth_m,height_m,vertical_force_N,force_x_N,force_y_N,force_z_N,"
@@ -177,7 +177,7 @@ HEADER = (
 def test_all_come_back_to_the_last_bit_beside_cuts_without_them(tmp_path, suffix):
     save([FULL, SIX, FULL], tmp_path / f"cuts{suffix}")
     assert load(tmp_path / f"cuts{suffix}") == [FULL, SIX, FULL]
-    assert SIX.known == (*Reading._fields, *BESIDE)
+    assert SIX.known == (*Reading._fields, *CHANNELS)
     assert np.array_equal(SIX.wrench, np.column_stack([MORE[name] for name in COMPONENTS_OF_FORCE]))
     assert FULL.wrench is None
     assert SIX != FULL
@@ -238,18 +238,18 @@ def test_five_components_and_a_height_in_millimetres_are_refused():
 
 
 def rows(count: int) -> list[tuple[float, ...]]:
-    return [tuple(float(MORE[name][i]) for name in BESIDE) for i in range(count)]
+    return [tuple(float(MORE[name][i]) for name in CHANNELS) for i in range(count)]
 
 
 def test_a_growing_record_holds_them(tmp_path):
-    with AppendingRecord(tmp_path / "cut.csv", FULL.metadata, beside=BESIDE) as record:
+    with AppendingRecord(tmp_path / "cut.csv", FULL.metadata, channels=CHANNELS) as record:
         record.append([FULL[i] for i in range(9)], rows(9))
         record.append([FULL[9]], rows(10)[9:])
     assert load_one(tmp_path / "cut.csv") == SIX.select(slice(0, 10))
 
 
 def test_a_growing_record_refuses_rows_that_do_not_fit(tmp_path):
-    with AppendingRecord(tmp_path / "cut.csv", beside=BESIDE) as record:
+    with AppendingRecord(tmp_path / "cut.csv", channels=CHANNELS) as record:
         with pytest.raises(ValueError, match="a row has 6 values for time_s, force_N"):
             record.append([FULL[0]])
         with pytest.raises(ValueError, match="height_m = nan"):
@@ -258,8 +258,8 @@ def test_a_growing_record_refuses_rows_that_do_not_fit(tmp_path):
             record.append([FULL[0], FULL[1]], rows(1))
         assert record.rows == 0
         record.append([FULL[0], FULL[1]], rows(2))
-    with pytest.raises(ValueError, match="beside"):
-        AppendingRecord(tmp_path / "other.csv", beside=["depth"])
+    with pytest.raises(ValueError, match="channels"):
+        AppendingRecord(tmp_path / "other.csv", channels=["depth"])
 
 
 def test_a_cut_that_lost_a_component_in_a_file_of_ours_is_found(tmp_path):

@@ -12,11 +12,11 @@ class ScriptedOperator:
     """
 
     def __init__(self, answers: Sequence[tuple[str, bool | str]] = ()) -> None:
-        self.told: list[str] = []
+        self.messages: list[str] = []
         self.unasked = list(answers)
 
     def tell(self, message: str) -> None:
-        self.told.append(message)
+        self.messages.append(message)
 
     def confirm(self, question: str, *, expected: str | None = None) -> bool:
         answer = self._next(question)

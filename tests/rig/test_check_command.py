@@ -45,10 +45,10 @@ def failed(found: Inspection) -> set[str]:
 def test_a_rig_that_is_well_passes_every_check() -> None:
     found = inspected()
     assert failed(found) == set()
-    assert found.told["sensor"]["measured_rate_Hz"] == pytest.approx(1000.0, rel=0.01)
-    assert found.told["sensor"]["noise_x_N"] == pytest.approx(0.023, abs=0.01)
-    assert found.told["blade"]["heartbeat_period_ms"] == pytest.approx(50.0, rel=0.05)
-    assert found.told["blade"]["limit_speed_m_s"] == 0.0381
+    assert found.devices["sensor"]["measured_rate_Hz"] == pytest.approx(1000.0, rel=0.01)
+    assert found.devices["sensor"]["noise_x_N"] == pytest.approx(0.023, abs=0.01)
+    assert found.devices["blade"]["heartbeat_period_ms"] == pytest.approx(50.0, rel=0.05)
+    assert found.devices["blade"]["limit_speed_m_s"] == 0.0381
     assert any("stands 73.5 mm from the clamp" in line for line in lines(found))
 
 

@@ -19,7 +19,7 @@ from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.imitated.emulator.process import start
 from cutenv.imitated.fake_benches import AirPlant, SpecimenPlant
 from cutenv.imitated.fake_rig import FakeRig, FakeSensor
-from cutenv.rig.config.laid_specimen import Laid
+from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.contradictions import contradictions
 from cutenv.rig.operation.operator import AutomaticOperator
@@ -137,7 +137,7 @@ def cut_on_a_fake(settings: RigSettings) -> None:
 
     class Supply:
         def mount(self, key: SpecimenKey) -> None:
-            rig.mount(functools.partial(SpecimenPlant, Laid(specimen=specimen)))
+            rig.mount(functools.partial(SpecimenPlant, MountedSpecimen(specimen=specimen)))
 
     with RigSession(rig.plant, AutomaticOperator(settings), Supply(), today=date(2026, 3, 1)) as session:
         session.next_cut(SpecimenKey(seed=3, episode=0), settings.fixed_angle)

@@ -155,7 +155,7 @@ def test_every_fault_stops_both_axes_in_time_and_stays_so(name, after):
         assert (stop.report.commanded, "quick stop") in drive.sent
     assert rig.blade.state in (DriveState.QUICK_STOP, DriveState.FAULT)
     rig.clock.sleep_until(rig.clock.now() + 0.1)
-    (place, speed), along = rig.bench.beside(axis), rig.bench.motion
+    (place, speed), along = rig.bench.cross_motion(axis), rig.bench.motion
     assert (speed, along[1]) == (0.0, 0.0)
     for _ in range(3):
         with pytest.raises(RigStopped):
@@ -163,7 +163,7 @@ def test_every_fault_stops_both_axes_in_time_and_stays_so(name, after):
         with pytest.raises(RigStopped):
             rig.plant.carry(axis, 0.01)
         rig.clock.sleep_until(rig.clock.now() + 0.1)
-    assert (rig.bench.beside(axis)[0], rig.bench.motion[0]) == (place, along[0])  # and nothing was raised
+    assert (rig.bench.cross_motion(axis)[0], rig.bench.motion[0]) == (place, along[0])  # and nothing was raised
     with pytest.raises(RigError, match="not agreed"):
         rig.plant.supervisor.reset(agreed=False)
 
@@ -231,7 +231,7 @@ def test_commands_fade_out_before_both_ends_and_are_no_faster_than_allowed():
     assert rig.plant.supervisor.limited > 0
     rig = ready("height")
     assert move(rig, 0.02, 25, speed=0.0) is None
-    assert -rig.bench.beside("height")[1] == pytest.approx(0.0106 / 1.04, rel=0.01)
+    assert -rig.bench.cross_motion("height")[1] == pytest.approx(0.0106 / 1.04, rel=0.01)
 
 
 def test_a_late_policy_stops_a_blade_that_only_descends():
@@ -310,10 +310,10 @@ def test_a_drive_that_was_not_homed_is_not_moved(axis):
 
 def pressing(rig: FakeRig, force: float, per_metre: float) -> None:
     """Let the tissue push back by a force that changes with the height [N], [N/m]."""
-    start = rig.bench.beside("height")[0]
+    start = rig.bench.cross_motion("height")[0]
 
     def push(now: float) -> None:
-        rig.faults.height.force = force - per_metre * (rig.bench.beside("height")[0] - start)
+        rig.faults.height.force = force - per_metre * (rig.bench.cross_motion("height")[0] - start)
 
     push(0.0)
     rig.clock.every(0.001, push, "tissue")
@@ -325,12 +325,12 @@ def test_a_blade_that_presses_too_hard_is_raised_slowly_after_a_yes_alone():
     pressing(rig, 12.0, 2000.0)
     assert rig.plant.supervisor.report.cause is Cause.VERTICAL_FORCE
     rig.clock.sleep_until(rig.clock.now() + 0.2)
-    stood = rig.bench.beside("height")[0]
+    stood = rig.bench.cross_motion("height")[0]
     operator = ScriptedOperator([("will move", "fake"), ("the blade presses on the tissue with 12.0 N", False)])
     rig.plant.supervisor.reset(agreed=True)
     with pytest.raises(RigError, match="has not agreed that it is raised: nothing moves"):
         prepare(rig.plant, operator, today=date.today(), in_air=False)
-    assert rig.bench.beside("height")[0] == stood
+    assert rig.bench.cross_motion("height")[0] == stood
     with pytest.raises(RigError, match=r"presses on the tissue with 12\.0 N, 10 N allowed: it may be raised"):
         release(rig)
     operator.unasked[:] = [("will move", "fake"), ("May it be raised at 2 mm/s until it is free?", True)]
@@ -355,13 +355,13 @@ def test_a_force_that_grows_or_stays_while_it_is_raised_ends_that(force, per_met
     rig.plant.supervisor.reset(agreed=True)
     rig.plant.power()
     rig.clock.sleep_until(rig.clock.now() + SETTLE)
-    start = rig.bench.beside("height")[0]
+    start = rig.bench.cross_motion("height")[0]
     with pytest.raises(ends) as caught:
         relieve(rig.plant)
     assert type(caught.value) is ends
-    assert rig.bench.beside("height")[0] - start < (0.0005 if ends is RigStopped else 0.0101)
+    assert rig.bench.cross_motion("height")[0] - start < (0.0005 if ends is RigStopped else 0.0101)
     rig.clock.sleep_until(rig.clock.now() + 0.2)
-    assert rig.bench.beside("height")[1] == 0.0
+    assert rig.bench.cross_motion("height")[1] == 0.0
 
 
 def test_while_it_is_relieved_no_other_motion_is_possible():
@@ -371,9 +371,9 @@ def test_while_it_is_relieved_no_other_motion_is_possible():
     rig.plant.power()
     rig.clock.sleep_until(rig.clock.now() + SETTLE)
     rig.plant.supervisor.release(returning=True)
-    before = (rig.bench.motion[0], rig.bench.beside("height")[0])
+    before = (rig.bench.motion[0], rig.bench.cross_motion("height")[0])
     assert move(rig, 0.005, 10, speed=0.01) is None
-    assert (rig.bench.motion[0], rig.bench.beside("height")[0]) == before
+    assert (rig.bench.motion[0], rig.bench.cross_motion("height")[0]) == before
     rig.faults.height.force = -10.5  # a pull is no pressing
     rig = ready("height", -0.005)
     pressing(rig, -12.0, 0.0)
@@ -384,20 +384,20 @@ def test_while_it_is_relieved_no_other_motion_is_possible():
 def test_height_vertical_force_and_six_components_come_with_the_readings():
     rig = ready_to_descend()
     readings = rig.plant.advance(0.01, UPRIGHT, 300)
-    beside = rig.plant.beside
-    assert len(beside) == len(readings) == 300
-    assert np.all(beside["height"] == 0.0)
-    assert np.array_equal(beside["force_x"], readings["force"])
-    assert beside["torque_y"] == pytest.approx(-0.1 * readings["force"])
+    channels = rig.plant.channels
+    assert len(channels) == len(readings) == 300
+    assert np.all(channels["height"] == 0.0)
+    assert np.array_equal(channels["force_x"], readings["force"])
+    assert channels["torque_y"] == pytest.approx(-0.1 * readings["force"])
     readings = rig.plant.advance(0.0, UPRIGHT, 400, -0.004)
-    beside = rig.plant.beside
-    assert beside["height"][-1] == pytest.approx(rig.plant.height, abs=3e-5)
-    assert 0.001 < beside["height"][-1] < 0.0016
-    assert beside["vertical_force"].min() < -0.02  # the tissue rubs on a rising blade, downwards
-    assert np.array_equal(beside["force_z"], beside["vertical_force"])
+    channels = rig.plant.channels
+    assert channels["height"][-1] == pytest.approx(rig.plant.height, abs=3e-5)
+    assert 0.001 < channels["height"][-1] < 0.0016
+    assert channels["vertical_force"].min() < -0.02  # the tissue rubs on a rising blade, downwards
+    assert np.array_equal(channels["force_z"], channels["vertical_force"])
     assert abs(rig.bench.plant.energy()["residual"]) < 1e-12
-    assert set(COMPONENTS_OF_FORCE) < set(beside.dtype.names)
-    assert np.array_equal(rig.plant.vertical_force, beside["vertical_force"])
+    assert set(COMPONENTS_OF_FORCE) < set(channels.dtype.names)
+    assert np.array_equal(rig.plant.vertical_force, channels["vertical_force"])
     assert rig.plant.level == rig.plant.height
 
 
@@ -405,8 +405,8 @@ def test_the_sensor_may_be_mounted_the_other_way():
     rig = ready_to_descend(force_axis="y", force_sign=-1)
     rig.plant.advance(0.01, UPRIGHT, 300)
     rig.plant.advance(0.0, UPRIGHT, 400, -0.004)
-    assert rig.plant.beside["vertical_force"].min() < -0.02
-    assert np.array_equal(rig.plant.beside["force_y"], -rig.plant.beside["vertical_force"])
+    assert rig.plant.channels["vertical_force"].min() < -0.02
+    assert np.array_equal(rig.plant.channels["force_y"], -rig.plant.channels["vertical_force"])
 
 
 def test_a_rig_without_the_axis_refuses_and_names_the_cure():
@@ -421,7 +421,7 @@ def test_a_rig_without_the_axis_refuses_and_names_the_cure():
         rig.plant.vertical_force  # noqa: B018  read for its error
     with pytest.raises(RigError, match="if it has one"):
         rig.plant.level  # noqa: B018
-    assert rig.plant.beside is None
+    assert rig.plant.channels is None
     assert height_settings().require_height_axis(by="a test").node == 3
 
 
@@ -434,7 +434,7 @@ def test_speed_and_turn_lead_the_blade_along_an_arc():
     assert rig.plant.heading.now == pytest.approx(1.0)
     radius, end = 0.015 / 0.5, (rig.plant.position - start, rig.plant.place("side"))
     assert math.dist(end, (0.0, radius)) == pytest.approx(radius, abs=1e-4)  # its direction has no lag
-    assert rig.plant.beside["blade_y"][-1] == pytest.approx(end[1], abs=5e-5)
+    assert rig.plant.channels["blade_y"][-1] == pytest.approx(end[1], abs=5e-5)
 
 
 def test_forces_are_turned_into_the_direction_of_the_blade():
@@ -444,13 +444,13 @@ def test_forces_are_turned_into_the_direction_of_the_blade():
     rig.plant.heading.begin(math.atan2(4.0, 3.0))
     readings = rig.plant.advance(0.0, UPRIGHT, PERIOD)
     assert np.mean(readings["force"]) == pytest.approx(5.0, abs=0.1)
-    assert np.mean(rig.plant.beside["lateral_force"]) == pytest.approx(0.0, abs=0.1)
+    assert np.mean(rig.plant.channels["lateral_force"]) == pytest.approx(0.0, abs=0.1)
 
 
 def test_where_one_axis_is_limited_the_other_goes_as_much_slower():
     rig = ready("side", fastest=0.0052)
     move(rig, periods=30, speed=0.02, direction=0.7)
-    (_, ahead, _), (_, left) = rig.bench.motion, rig.bench.beside("side")
+    (_, ahead, _), (_, left) = rig.bench.motion, rig.bench.cross_motion("side")
     assert left == pytest.approx(0.005, rel=0.02)
     assert left / ahead == pytest.approx(math.tan(0.7), rel=0.02)
     assert rig.plant.supervisor.limited > 0
@@ -516,4 +516,4 @@ def test_an_axis_told_to_stand_that_creeps_is_stopped_at_its_limit(axis):
     stop = move(rig, periods=100)
     assert stop is not None
     assert stop.report.cause is Cause.FOLLOWING
-    assert abs(rig.bench.beside(axis)[0]) < 1.15 * rig.settings.reaches[axis].following
+    assert abs(rig.bench.cross_motion(axis)[0]) < 1.15 * rig.settings.reaches[axis].following

@@ -56,8 +56,8 @@ def cut_up_and_down() -> None:
             inspection = inspect(plant, session._today)
             names = {check.name for check in inspection.checks}
             assert {"height drive", "height samples", "height heartbeat", "height homed"} <= names
-            assert inspection.told["height"]["homed"] == "yes"
-            assert inspection.told["height"]["position_mm"] == pytest.approx(1e3 * plant.level, abs=0.1)
+            assert inspection.devices["height"]["homed"] == "yes"
+            assert inspection.devices["height"]["position_mm"] == pytest.approx(1e3 * plant.level, abs=0.1)
 
 
 def patient(settings: RigSettings) -> RigSettings:
@@ -77,11 +77,11 @@ def cut_along_a_bend() -> None:
                 raise RigError(str(info))
         heading, plant = env.session.plant.heading.now, env.session.plant
         assert heading == pytest.approx(env.cutting.line.angle[0] + 0.6)
-        beside, truth = plant.beside, env._source.emulator.control.truth()
-        assert (beside["blade_x"][-1], beside["blade_y"][-1]) == pytest.approx(
+        channels, truth = plant.channels, env._source.emulator.control.truth()
+        assert (channels["blade_x"][-1], channels["blade_y"][-1]) == pytest.approx(
             (truth["position_m"], truth["side_m"]), abs=5e-4
         )
-        assert np.hypot(beside["blade_x"][-1], beside["blade_y"][-1]) > 0.02
+        assert np.hypot(channels["blade_x"][-1], channels["blade_y"][-1]) > 0.02
         assert env.cutting.tip == pytest.approx(truth["tip_m"], abs=4e-3)
         env.reset(seed=4)  # back, the way that it came
         truth = env._source.emulator.control.truth()

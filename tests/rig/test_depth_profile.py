@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from made_up_settings import FREE, USUAL, with_value
 from scripted_operator import ScriptedOperator
 
-from cutenv.rig.config.laid_specimen import measured_depth
+from cutenv.rig.config.mounted_specimen import measured_depth
 from cutenv.rig.config.settings import HEIGHT, HeightAxis, RigSettings, SafetyLimits
 from cutenv.rig.contradictions import contradictions, refuse_contradictions
 from cutenv.rig.errors import RigError

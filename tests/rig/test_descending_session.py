@@ -51,7 +51,7 @@ def test_a_cut_is_prepared_cut_and_recorded_with_height_and_six_components(tmp_p
         rig.begin_record(plant, seed=3, episode=0)
         session.start()
         made = [plant.advance(0.012, UPRIGHT, 20, 0.002 if k < 40 else -0.003) for k in range(80)]
-        heights = plant.beside["height"].tolist()
+        heights = plant.channels["height"].tolist()
         session.end_cut()
         rig.end_record(plant, end="a test")
         assert 0.0 < plant.height < 0.002  # end of the cut: it rests where it is
@@ -78,20 +78,22 @@ def test_after_a_stop_nothing_is_raised_before_the_operators_yes():
             plant.advance(0.01, UPRIGHT, 20, 0.002)
         plant.supervisor.trip(Cause.OPERATOR, "a test")
         plant.clock.sleep_until(plant.clock.now() + 1.0)
-        depth = rig.fake.bench.beside("height")[0]
+        depth = rig.fake.bench.cross_motion("height")[0]
         assert depth < -0.0015
         with pytest.raises(RigError, match="not agreed"):
             session.next_cut(KEY, UPRIGHT)
         plant.clock.sleep_until(plant.clock.now() + 1.0)
-        assert rig.fake.bench.beside("height")[0] == depth
+        assert rig.fake.bench.cross_motion("height")[0] == depth
         session.operator.unasked[:] = [("The blade was stopped", True), (MOVES, "no")]
         with pytest.raises(RigError, match="not confirmed"):
             session.next_cut(KEY, UPRIGHT)
-        assert rig.fake.bench.beside("height")[0] == depth
+        assert rig.fake.bench.cross_motion("height")[0] == depth
         session.operator.unasked[:] = [(f"at a height of {1e3 * depth:+.1f} mm", "fake")]
         session.next_cut(KEY, UPRIGHT)
         raised = "The blade is raised to 20 mm at 5 mm/s."
-        assert session.operator.told.index(raised) < session.operator.told.index("The drives are switched on again.")
+        assert session.operator.messages.index(raised) < session.operator.messages.index(
+            "The drives are switched on again."
+        )
         assert plant.height == pytest.approx(0.0, abs=3e-5)
 
 
@@ -121,7 +123,7 @@ def test_a_blade_that_went_the_other_way_is_not_raised():
             session.next_cut(KEY, UPRIGHT)
         assert session.plant.supervisor.phase == "unready"
         assert {rig.fake.blade.state, rig.fake.across["height"].state} == {DriveState.DISABLED}
-        assert abs(rig.fake.bench.beside("height")[0]) < 5e-5
+        assert abs(rig.fake.bench.cross_motion("height")[0]) < 5e-5
 
 
 def test_an_axis_that_sinks_without_power_is_noticed():

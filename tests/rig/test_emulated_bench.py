@@ -14,7 +14,7 @@ from cutenv.envs.constants import Constants
 from cutenv.envs.rig_source import emulator_arguments
 from cutenv.imitated.emulator.mechanics import EmulatedTissue
 from cutenv.plant import SimulatedPlant
-from cutenv.rig.config.laid_specimen import Laid
+from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.errors import RigError
 from cutenv.tissue.specimen import Specimen
 
@@ -22,8 +22,8 @@ UPRIGHT = math.pi / 2
 WAY = np.concatenate([np.linspace(0.0, 0.04, 2001)[1:], np.linspace(0.04, 0.035, 500)])
 
 
-def laid(seed=3, episode=1, sensor=None, law=None):
-    bench, what = EmulatedTissue(sensor, law), Laid(seed=seed, episode=episode)
+def mounted(seed=3, episode=1, sensor=None, law=None):
+    bench, what = EmulatedTissue(sensor, law), MountedSpecimen(seed=seed, episode=episode)
     bench.mount(what.drawn(), what, position=0.0, angle=UPRIGHT)
     return bench
 
@@ -33,7 +33,7 @@ def true_forces(specimen, law=None):
 
 
 def test_the_blade_feels_what_the_law_says_of_its_way():
-    bench, forces = laid(), []
+    bench, forces = mounted(), []
     for position in WAY:
         bench.advance(position, UPRIGHT)
         forces.append(bench.true_force)
@@ -43,10 +43,10 @@ def test_the_blade_feels_what_the_law_says_of_its_way():
 
 
 def test_the_sensor_has_the_simulators_noise_of_the_same_key():
-    bench, sensor = laid(), Sensor(SensorParameters(), seed=3, episode=1)
+    bench, sensor = mounted(), Sensor(SensorParameters(), seed=3, episode=1)
     read = [bench.advance(position, UPRIGHT) for position in WAY]
     assert read == [sensor.measure(force) for force in true_forces(Specimen.drawn(3, 1))]
-    other = laid(episode=2)
+    other = mounted(episode=2)
     assert read != [other.advance(position, UPRIGHT) for position in WAY]
 
 
@@ -55,7 +55,7 @@ def test_a_wandering_zero_coarse_steps_and_a_rubbing_blade_are_the_simulators_to
     options = _options(_parser().parse_args(emulator_arguments(Constants.from_keywords(wanted))))
     assert (options.sensor.force_drift, options.sensor.force_resolution) == (0.2, 0.1)
     assert options.law == LawParameters(friction_per_depth_speed=2000.0, debt_length=1e-3)
-    bench, sensor = laid(sensor=options.sensor, law=options.law), Sensor(options.sensor, seed=3, episode=1)
+    bench, sensor = mounted(sensor=options.sensor, law=options.law), Sensor(options.sensor, seed=3, episode=1)
     read = [bench.advance(position, UPRIGHT) for position in WAY]
     rubbed = true_forces(Specimen.drawn(3, 1), options.law)
     assert read == [sensor.measure(force) for force in rubbed]
@@ -68,23 +68,23 @@ def test_an_emulated_rig_refuses_constants_that_only_the_simulator_has():
 
 
 def test_free_air_is_felt_as_nothing():
-    bench = laid(sensor=SensorParameters(force_noise=0.0))
+    bench = mounted(sensor=SensorParameters(force_noise=0.0))
     bench.take_away()
     assert {bench.advance(position, UPRIGHT) for position in WAY} == {0.0}
-    assert bench.laid is None
+    assert bench.mounted is None
 
 
 def test_a_specimen_is_laid_only_with_the_blade_at_the_clamp():
-    bench, what = EmulatedTissue(), Laid()
+    bench, what = EmulatedTissue(), MountedSpecimen()
     with pytest.raises(RigError, match=r"30\.0 mm: drive it to the clamp"):
         bench.mount(what.drawn(), what, position=0.03, angle=UPRIGHT)
 
 
 def test_an_added_force_is_felt_and_outlives_a_specimen():
-    bench = laid(sensor=SensorParameters(force_noise=0.0, force_delay=0.0))
+    bench = mounted(sensor=SensorParameters(force_noise=0.0, force_delay=0.0))
     bench.add_force(25.0)
     assert bench.advance(0.0, UPRIGHT) == 25.0
-    bench.mount(Laid().drawn(), Laid(), position=0.0, angle=UPRIGHT)
+    bench.mount(MountedSpecimen().drawn(), MountedSpecimen(), position=0.0, angle=UPRIGHT)
     assert bench.advance(0.0, UPRIGHT) == 25.0
     bench.add_force(0.0)
     assert bench.advance(0.0, UPRIGHT) == 0.0

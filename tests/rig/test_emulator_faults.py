@@ -67,7 +67,7 @@ class HandMovedRig(HandMovedDrive):
 def rig(request) -> Iterator[HandMovedRig]:
     named = getattr(request.node, "callspec", None)
     axis = OF_AN_AXIS.get(named.params.get("name", ""), "") if named is not None else ""
-    made = HandMovedRig(laid=None, cross_axes=across(axis))
+    made = HandMovedRig(mounted=None, cross_axes=across(axis))
     yield made
     made.close()
 
@@ -368,7 +368,7 @@ def test_a_fault_of_the_hinge_leaves_the_blade_alone(rig):
 
 
 def test_a_rig_with_a_fixed_angle_has_no_hinge_to_fail():
-    rig = HandMovedRig(laid=None, angle_mode="fixed", angle=1.0)
+    rig = HandMovedRig(mounted=None, angle_mode="fixed", angle=1.0)
     try:
         assert rig.rig.angle == 1.0
         with pytest.raises(ValueError, match="axis must be one of 'blade'"):

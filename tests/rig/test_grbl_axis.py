@@ -220,7 +220,7 @@ def test_its_profile_contradicts_nothing_and_what_it_cannot_do_is_refused() -> N
 
 
 def test_a_whole_rig_is_prepared_moves_to_and_fro_stops_and_keeps_its_zero(machine: EmulatedGrbl) -> None:
-    board = EmulatedSerialRig(SerialOptions(laid=None))
+    board = EmulatedSerialRig(SerialOptions(mounted=None))
     board.step(board.now())  # compiles
     threading.Thread(target=board.run, daemon=True).start()
     settings = grbl_settings(machine.line.port, board.line.port)

@@ -138,7 +138,7 @@ def test_an_emulated_rig_is_answered_yes_and_what_was_asked_is_kept() -> None:
     assert operator.confirm("Arm?", expected="rig")
     assert operator.ask_ready("clamped")
     operator.tell("moving")
-    assert (operator.asked, operator.told) == (["Arm?", "clamped"], ["moving"])
+    assert (operator.asked, operator.messages) == (["Arm?", "clamped"], ["moving"])
 
 
 def test_hardware_is_never_answered_automatically() -> None:

@@ -11,7 +11,7 @@ from scripted_operator import ScriptedOperator
 
 from cutenv.imitated.fake_benches import SpecimenPlant
 from cutenv.imitated.fake_rig import FakeRig, fake_rig
-from cutenv.rig.config.laid_specimen import Laid
+from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.config.settings import SensorCalibration, SensorSettings, fake_settings
 from cutenv.rig.devices.drivers import DriveState
 from cutenv.rig.devices.host import FakeClock
@@ -50,7 +50,7 @@ def test_a_sound_rig_is_ready_and_says_what_was_found():
     assert rig.plant.supervisor.phase == "ready"
     assert {"calibration", "armed_by", "zero force", "encoder", "hinge", "blade limit high"} <= {c.name for c in checks}
     assert "of +1.00 mm" in next(check.found for check in checks if check.name == "encoder")
-    assert any("Keep clear" in told for told in operator.told)
+    assert any("Keep clear" in told for told in operator.messages)
     assert any("stop button" in asked for asked in operator.asked)
     assert any("stands 0.0 mm from the clamp, and in air the sensor reads" in asked for asked in operator.asked)
 
@@ -144,7 +144,9 @@ def test_what_is_lowered_stays_lowered():
 def test_a_stop_before_the_first_cut_holds_no_readings_and_is_told_at_once():
     """There is no beginning yet that they could be counted from: not that of the clock, days ago."""
     specimen = Specimen.drawn(3, 0)
-    rig = FakeRig(functools.partial(SpecimenPlant, Laid(specimen=specimen)), fake_settings(), clock=FakeClock(1e6))
+    rig = FakeRig(
+        functools.partial(SpecimenPlant, MountedSpecimen(specimen=specimen)), fake_settings(), clock=FakeClock(1e6)
+    )
     rig.plant.open()
     rig.clock.sleep_until(rig.clock.now() + SETTLE)
     prepare(rig.plant, AutomaticOperator(rig.settings), today=TODAY)

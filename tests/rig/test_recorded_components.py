@@ -8,7 +8,7 @@ import numpy as np
 
 from cutenv.imitated.fake_rig import fake_rig
 from cutenv.rig.config.settings import SensorSettings, fake_settings
-from cutenv.rig.operation.session import recorded_beside, recorded_rows
+from cutenv.rig.operation.session import recorded_channels, recorded_rows
 from cutenv.tissue.specimen import Specimen
 from cutenv.trace import COMPONENTS_OF_FORCE
 
@@ -23,8 +23,8 @@ def recorded(components: str) -> tuple[tuple[str, ...], list[tuple[float, ...]] 
     rig.plant.supervisor.release()
     rig.plant.begin()
     rows = [recorded_rows(rig.plant, rig.plant.advance(0.0127, math.pi / 2, 20)) for _ in range(100)]
-    beside = None if rows[0][1] is None else [row for _, part in rows for row in part]
-    return recorded_beside(settings), beside, np.array([reading.force for part, _ in rows for reading in part])
+    channels = None if rows[0][1] is None else [row for _, part in rows for row in part]
+    return recorded_channels(settings), channels, np.array([reading.force for part, _ in rows for reading in part])
 
 
 def test_a_rig_without_a_height_axis_records_all_six_if_its_file_says_so():

@@ -121,7 +121,7 @@ def test_what_is_hidden_is_not_told(task, made):
 def test_a_stop_leaves_the_blade_where_it_is_until_the_operators_yes(task, asked, pushed, made):
     env = made(task, operator=ScriptedOperator([*asked, ("was stopped", False)]))
     cut(task, env, until=60)
-    place, fake = env.the_fake().bench.beside(task.axis)[0], env.the_fake()
+    place, fake = env.the_fake().bench.cross_motion(task.axis)[0], env.the_fake()
     (fake.faults if task is DEPTH else fake.faults.side).__dict__.update(pushed)
     info = env.step(task.action(0.01, UPRIGHT, 0.0))[4]
     assert info["end"] == "stopped"
@@ -130,7 +130,7 @@ def test_a_stop_leaves_the_blade_where_it_is_until_the_operators_yes(task, asked
     assert info["reward_terms"]["safety"] < -0.5
     with pytest.raises(RigError, match="not agreed"):
         env.reset(seed=1)
-    assert fake.bench.beside(task.axis)[0] == pytest.approx(place, abs=5e-4)
+    assert fake.bench.cross_motion(task.axis)[0] == pytest.approx(place, abs=5e-4)
 
 
 @pytest.mark.parametrize(
@@ -287,7 +287,7 @@ def test_on_a_straight_line_nothing_goes_to_the_side(made):
     assert info["end"] == "finished"
     assert info["path"]["largest_distance_mm"] < 0.05
     assert np.max(np.abs(aside)) < 5e-5
-    assert abs(env.the_fake().bench.beside("side")[0]) < 5e-5
+    assert abs(env.the_fake().bench.cross_motion("side")[0]) < 5e-5
 
 
 def test_across_the_line_it_ends_off_the_line(made):
@@ -304,13 +304,16 @@ def test_across_the_line_it_ends_off_the_line(made):
 def test_between_cuts_the_blade_goes_back_the_way_it_came(made):
     env = made(PATH, line=BENT)
     cut(PATH, env, until=150)
-    y, _ = env.the_fake().bench.beside("side")
+    y, _ = env.the_fake().bench.cross_motion("side")
     way = list(env.session.plant._way)
     assert y > 0.002
     assert len(way) > 20
     passed = []
     fake, step = env.the_fake(), env.the_fake().bench.step
-    fake.bench.step = lambda *told: (step(*told), passed.append((fake.bench.motion[0], fake.bench.beside("side")[0])))
+    fake.bench.step = lambda *told: (
+        step(*told),
+        passed.append((fake.bench.motion[0], fake.bench.cross_motion("side")[0])),
+    )
     env.reset(seed=6)
     back = np.array(passed)
     away = [np.min(np.hypot(*(back - place).T)) for place in way]

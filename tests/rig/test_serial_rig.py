@@ -46,7 +46,7 @@ from scripts.validation.rig import rig_faults, rig_trials
 @pytest.fixture
 def rig() -> Iterator[EmulatedSerialRig]:
     """An emulated serial rig in a thread of this process, in air."""
-    emulated = EmulatedSerialRig(SerialOptions(laid=None))
+    emulated = EmulatedSerialRig(SerialOptions(mounted=None))
     emulated.step(emulated.now())  # compiles
     thread = threading.Thread(target=emulated.run, daemon=True)
     thread.start()
@@ -419,7 +419,7 @@ def test_faults_of_a_cut_on_a_rig_with_grbl_stop_it_as_stated() -> None:
 
 
 def test_the_emulated_machine_tells_what_a_blocked_carriage_does_not_do_and_stops_at_its_switch() -> None:
-    rig = EmulatedGrblRig(SerialOptions(motion="grbl", laid=None))
+    rig = EmulatedGrblRig(SerialOptions(motion="grbl", mounted=None))
     try:
         rig.machine.blocked = True
         rig.machine._blocks.append([2.0, 6.0])

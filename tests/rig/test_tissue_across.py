@@ -17,7 +17,7 @@ from cutenv.imitated.emulator.control import answered
 from cutenv.imitated.emulator.hub import Frame
 from cutenv.imitated.emulator.mechanics import ARM, EmulatedTissue
 from cutenv.imitated.tissue_in_plane import TissueInPlane
-from cutenv.rig.config.laid_specimen import Laid
+from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.config.settings import across
 from cutenv.rig.devices.canopen.objects import HOMED
 from cutenv.rig.errors import RigError
@@ -33,14 +33,14 @@ def layered(sensor: SensorParameters | None = None) -> EmulatedTissue:
     return EmulatedTissue(sensor, axes=("height",))
 
 
-def laid(of: Callable[[SensorParameters], EmulatedTissue], **more) -> EmulatedTissue:
-    bench, what = of(SensorParameters()), Laid(seed=3, episode=1, **more)
+def mounted(of: Callable[[SensorParameters], EmulatedTissue], **more) -> EmulatedTissue:
+    bench, what = of(SensorParameters()), MountedSpecimen(seed=3, episode=1, **more)
     bench.mount(what.drawn(), what, position=0.0, angle=UPRIGHT)
     return bench
 
 
 def test_at_height_0_the_readings_are_those_of_a_rig_without_the_axis_to_the_last_bit():
-    plain, low = laid(EmulatedTissue), laid(layered)
+    plain, low = mounted(EmulatedTissue), mounted(layered)
     readings = [(plain.advance(x, UPRIGHT), low.advance(x, UPRIGHT)) for x in WAY]
     assert [one for one, _ in readings] == [other for _, other in readings]
     assert (plain.true_force, plain.tip) == (low.true_force, low.tip)
@@ -49,7 +49,7 @@ def test_at_height_0_the_readings_are_those_of_a_rig_without_the_axis_to_the_las
 
 
 def test_a_lower_blade_cuts_deeper_and_a_rising_one_is_held_down():
-    plain, lower = laid(layered), laid(layered)
+    plain, lower = mounted(layered), mounted(layered)
     for k, x in enumerate(WAY):
         plain.advance(x, UPRIGHT)
         lower.places["height"] = -3e-6 * k
@@ -66,7 +66,7 @@ def test_a_lower_blade_cuts_deeper_and_a_rising_one_is_held_down():
 
 
 def test_a_specimen_is_laid_only_with_the_blade_at_height_0():
-    bench, what = layered(), Laid()
+    bench, what = layered(), MountedSpecimen()
     bench.places["height"] = 0.005
     with pytest.raises(RigError, match=r"the height axis stands at 5\.0 mm: move it to 0 \(within 2 mm\)"):
         bench.mount(what.drawn(), what, position=0.0, angle=UPRIGHT)
@@ -97,7 +97,7 @@ def test_the_option_adds_a_third_node_with_its_own_dictionary_that_says_it_is_ho
 
 
 def test_the_sensor_gets_the_vertical_force_and_a_torque_by_its_arm():
-    rig = EmulatedRig(Options(laid=None, cross_axes=across("height")))
+    rig = EmulatedRig(Options(mounted=None, cross_axes=across("height")))
     loads = []
     try:
         rig.sensor.send = loads.append
@@ -117,14 +117,14 @@ def test_the_sensor_gets_the_vertical_force_and_a_torque_by_its_arm():
 
 def test_layers_are_laid_by_the_control_port_on_a_rig_with_the_axis_alone():
     asked = {"do": "specimen", "seed": 3, "layers": {"boundary": 0.01, "deep_toughness": 2.0}}
-    rig = EmulatedRig(Options(laid=None, cross_axes=across("height")))
+    rig = EmulatedRig(Options(mounted=None, cross_axes=across("height")))
     try:
         assert answered(rig, asked)["ok"]
-        assert rig.bench.laid.layers == Layers(boundary=0.01, deep_toughness=2.0)
+        assert rig.bench.mounted.layers == Layers(boundary=0.01, deep_toughness=2.0)
         assert answered(rig, {"do": "truth"})["height_m"] == 0.0
     finally:
         rig.close()
-    rig = EmulatedRig(Options(laid=None))
+    rig = EmulatedRig(Options(mounted=None))
     try:
         assert "layers: this rig has no height axis" in answered(rig, asked)["error"]
         assert "height_m" not in answered(rig, {"do": "truth"})

@@ -116,7 +116,7 @@ def test_a_camera_that_is_not_there_leaves_the_record_its_depth(filmed, settings
 
 def test_the_check_tells_the_rate(settings):
     found = inspect_camera(settings)
-    assert 5.0 < found.told["camera"]["measured_rate_Hz"] < 11.0
+    assert 5.0 < found.devices["camera"]["measured_rate_Hz"] < 11.0
     assert "frames a second are measured, 14 needed" in found.checks[0].found
     assert not found.passed
 

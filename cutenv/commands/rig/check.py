@@ -30,12 +30,12 @@ def main(argv: Sequence[str]) -> int:
         with connected(arguments.rig) as rig:
             found = inspect(rig.plant, date.today())
     except RigError as error:
-        found = Inspection(checks=(*said, Check("connection", False, str(error))), told={})
+        found = Inspection(checks=(*said, Check("connection", False, str(error))), devices={})
     if settings.camera is not None:
         seen = inspect_camera(settings.camera)
-        found = Inspection(checks=found.checks + seen.checks, told=found.told | seen.told)
+        found = Inspection(checks=found.checks + seen.checks, devices=found.devices | seen.devices)
     if arguments.json:
-        print(json.dumps(as_json(found) | told_tasks(settings), indent=2))
+        print(json.dumps(as_json(found) | capabilities(settings), indent=2))
     else:
         print("\n".join(lines(found)))
         print("\n".join(suitability_lines(settings)))
@@ -45,10 +45,10 @@ def main(argv: Sequence[str]) -> int:
 def as_json(found: Inspection) -> dict[str, Any]:
     """Return the inspection as a dictionary for JSON."""
     checks = [{"name": check.name, "passed": check.passed, "found": check.found} for check in found.checks]
-    return {"passed": found.passed, "checks": checks, "told": found.told}
+    return {"passed": found.passed, "checks": checks, "devices": found.devices}
 
 
-def told_tasks(settings: RigSettings) -> dict[str, Any]:
+def capabilities(settings: RigSettings) -> dict[str, Any]:
     """Return what the rig can do as a dictionary for JSON."""
     ways = {what: None if math.isnan(way) else way for what, way in stopping_ways(settings).items()}
     return {
@@ -61,13 +61,13 @@ def told_tasks(settings: RigSettings) -> dict[str, Any]:
 def lines(found: Inspection) -> list[str]:
     """Return the inspection as text: the devices' data, then each check."""
     shown = []
-    for device, about in found.told.items():
+    for device, about in found.devices.items():
         shown.append(f"{device}:")
         shown += [f"  {name:<28} {_shown(value)}" for name, value in about.items()]
     width = max(len(check.name) for check in found.checks)
     shown.append("checks:")
     shown += [f"  {'ok  ' if each.passed else 'FAIL'} {each.name:<{width}}  {each.found}" for each in found.checks]
-    blade = found.told.get("blade", {})
+    blade = found.devices.get("blade", {})
     if (stands := blade.get("position_mm")) is not None and blade.get("zero_set", "yes") == "yes":
         zero = "'cutenv rig zero' sets it" if "zero_set" in blade else "its own homing has to set zero at the clamp"
         shown.append(f"measure it: by its drive the blade stands {stands:.1f} mm from the clamp. If not, {zero}.")

@@ -21,7 +21,7 @@ from cutenv.rig.config.settings import Axis
 if TYPE_CHECKING:
     from cutenv.imitated.emulator.assembly import Options
     from cutenv.imitated.emulator.serial_rig import SerialOptions
-    from cutenv.rig.config.laid_specimen import Laid
+    from cutenv.rig.config.mounted_specimen import MountedSpecimen
 
 _ROTOR_INERTIA_PER_MASS = (Axis().lead / (2.0 * math.pi * Axis().gear)) ** 2  # [m2]
 _CONSTANTS = (
@@ -76,14 +76,16 @@ def main(argv: Sequence[str]) -> int:
     return 0
 
 
-def _laid(arguments: argparse.Namespace) -> Laid | None:
-    from cutenv.rig.config.laid_specimen import Laid
+def _mounted(arguments: argparse.Namespace) -> MountedSpecimen | None:
+    from cutenv.rig.config.mounted_specimen import MountedSpecimen
     from cutenv.tissue.description import load_description
 
     if arguments.free_air:
         return None
     tissue = None if arguments.tissue is None else load_description(arguments.tissue)
-    return Laid(seed=arguments.seed, episode=arguments.episode, specimen_class=arguments.specimen_class, tissue=tissue)
+    return MountedSpecimen(
+        seed=arguments.seed, episode=arguments.episode, specimen_class=arguments.specimen_class, tissue=tissue
+    )
 
 
 def _serial_options(arguments: argparse.Namespace) -> SerialOptions:
@@ -109,7 +111,7 @@ def _serial_options(arguments: argparse.Namespace) -> SerialOptions:
         angle=math.radians(arguments.angle_deg),
         motion="grbl" if arguments.grbl else "board",
         converter=arguments.converter,
-        laid=_laid(arguments),
+        mounted=_mounted(arguments),
         force_limit=arguments.force_limit_N,
         zeroed=not arguments.no_zero,
         law=LawParameters(**law),
@@ -134,7 +136,7 @@ def _options(arguments: argparse.Namespace) -> Options:
     return Options(
         angle_mode=arguments.angle,
         angle=math.radians(arguments.angle_deg),
-        laid=_laid(arguments),
+        mounted=_mounted(arguments),
         force_limit=arguments.force_limit_N,
         cross_axes=across(*(name for name in ("height", "side") if getattr(arguments, name))),
         blade_mechanics=Mechanics(**given["mechanics"]),

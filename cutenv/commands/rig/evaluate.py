@@ -84,7 +84,8 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
         simulator = _simulator(rig, shared, changed)
         cuts = paired_experiment(
             rig, simulator, policy, seed=arguments.seed, specimens=arguments.specimens, draws=arguments.draws,
-            specimen=specimen, unknown=True if arguments.unknown else None, told=_progress(arguments.specimens, stack),
+            specimen=specimen, unknown=True if arguments.unknown else None,
+            progress=_progress(arguments.specimens, stack),
         )  # fmt: skip
         given = simulator_keywords(rig.settings)
         name = _rig_name(arguments.rig, rig)

@@ -20,7 +20,7 @@ from cutenv.imitated.emulator.mechanics import ARM, EmulatedTissue, Mechanics, h
 from cutenv.imitated.emulator.node import Node
 from cutenv.imitated.emulator.sensor_server import BoardServer, SensorServer
 from cutenv.plant.simulator import ANGLE_RANGE, check_angle
-from cutenv.rig.config.laid_specimen import Laid
+from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.config.settings import Axis, CrossAxis, SafetyLimits
 from cutenv.rig_drivers.analogue_sensor import AnalogueCalibration
 
@@ -83,7 +83,7 @@ class Options:
         "free": a second axis turns the blade; "fixed": the blade stays at ``angle``.
     angle : float
         Angle of the blade at the start [rad].
-    laid : Laid, optional
+    mounted : MountedSpecimen, optional
         Specimen at the start; None: free air.
     force_limit : float
         True force whose crossing is recorded as an event [N].
@@ -108,7 +108,7 @@ class Options:
     range: Literal["task", "thesis"] = "task"
     angle_mode: Literal["free", "fixed"] = "free"
     angle: float = math.pi / 2
-    laid: Laid | None = field(default_factory=Laid)
+    mounted: MountedSpecimen | None = field(default_factory=MountedSpecimen)
     force_limit: float = 15.0
     cross_axes: Mapping[str, CrossAxis] = field(default_factory=dict)
     blade_mechanics: Mechanics = field(default_factory=Mechanics)
@@ -170,8 +170,8 @@ class EmulatedRig(EmulatedBench):
         for name, axis in self.options.cross_axes.items():
             self.axes[name] = EmulatedAxis(name, axis, Mechanics(), position=0.0, margin=0.001)
         self.cross_axes = tuple(self.options.cross_axes)
-        if self.options.laid is not None:
-            self.mount(self.options.laid)
+        if self.options.mounted is not None:
+            self.mount(self.options.mounted)
         self._noise = np.random.default_rng(0).standard_normal((4096, 5)) * _OTHER_NOISE
         self._noise_rows = [tuple(row) for row in self._noise.tolist()]
         self._ticks = 0
@@ -243,10 +243,10 @@ class EmulatedRig(EmulatedBench):
     def _noted(self) -> dict[str, Any]:
         return {f"{name}_m": place for name, place in self.places.items()}
 
-    def mount(self, laid: Laid) -> None:
+    def mount(self, mounted: MountedSpecimen) -> None:
         """Lay a fresh specimen; see :meth:`EmulatedTissue.mount`."""
         self.bench.places = self.places
-        super().mount(laid)
+        super().mount(mounted)
 
     def step(self, due: float) -> None:
         """Advance by one millisecond, that of time ``due`` [s]."""

@@ -19,7 +19,7 @@ import numpy as np
 
 from cutenv._base.validation import in_range, one_of
 from cutenv.imitated.emulator.emulated_bench import EmulatedBench
-from cutenv.rig.config.laid_specimen import Laid
+from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.errors import RigError
 from cutenv.tissue.description import load_description
 from cutenv.tissue.layers import Layers
@@ -36,7 +36,7 @@ Request = dict[str, Any]
 def _specimen(rig: EmulatedBench, request: Request) -> Request:
     tissue = request.get("tissue")
     cure = "Give a whole number from 0."
-    laid = Laid(
+    mounted = MountedSpecimen(
         seed=int(in_range("seed", request.get("seed", 0), 0, 2**63, "1", cure)),
         episode=int(in_range("episode", request.get("episode", 0), 0, 2**63, "1", cure)),
         specimen_class=str(request.get("class", "liver")),
@@ -45,11 +45,11 @@ def _specimen(rig: EmulatedBench, request: Request) -> Request:
         layers=None if request.get("layers") is None else Layers(**request["layers"]),
         line=None if request.get("line") is None else CutLine(*np.array(request["line"])),
     )
-    for name, given, axis in (("layers", laid.layers, "height"), ("line", laid.line, "side")):
+    for name, given, axis in (("layers", mounted.layers, "height"), ("line", mounted.line, "side")):
         if given is not None and axis not in rig.cross_axes:
             raise ValueError(f"{name}: this rig has no {axis} axis. Start the emulator with --{axis}.")
-    rig.mount(laid)
-    return {"seed": laid.seed, "episode": laid.episode, "class": laid.specimen_class}
+    rig.mount(mounted)
+    return {"seed": mounted.seed, "episode": mounted.episode, "class": mounted.specimen_class}
 
 
 def _inject(rig: EmulatedBench, request: Request) -> Request:
@@ -82,7 +82,7 @@ def _state(rig: EmulatedBench, request: Request) -> Request:
 
 def _truth(rig: EmulatedBench, request: Request) -> Request:
     with rig.lock:
-        laid = rig.bench.laid
+        mounted = rig.bench.mounted
         return {
             "time_s": rig.now(),
             "position_m": rig.position,
@@ -90,10 +90,10 @@ def _truth(rig: EmulatedBench, request: Request) -> Request:
             "angle_deg": math.degrees(rig.angle),
             "force_N": rig.bench.true_force,
             **rig.truth(),
-            "tip_m": None if laid is None else rig.bench.tip,
+            "tip_m": None if mounted is None else rig.bench.tip,
             "specimen": None
-            if laid is None
-            else {"seed": laid.seed, "episode": laid.episode, "class": laid.specimen_class},
+            if mounted is None
+            else {"seed": mounted.seed, "episode": mounted.episode, "class": mounted.specimen_class},
         }
 
 

@@ -19,7 +19,7 @@ from cutenv.cutting.dtypes import TICK
 from cutenv.imitated.emulator.mechanics import EmulatedTissue
 from cutenv.imitated.emulator.node import Emergency
 from cutenv.imitated.emulator.sensor_server import SensorServer
-from cutenv.rig.config.laid_specimen import Laid
+from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.errors import RigError
 
 if TYPE_CHECKING:
@@ -314,11 +314,11 @@ class EmulatedBench(ABC):
 
     # Requests of the control port.
 
-    def mount(self, laid: Laid) -> None:
+    def mount(self, mounted: MountedSpecimen) -> None:
         """Lay a fresh specimen; see :meth:`EmulatedTissue.mount`."""
-        specimen = laid.drawn()
+        specimen = mounted.drawn()
         with self.lock:
-            self.bench.mount(specimen, laid, position=self.position, angle=self.angle)
+            self.bench.mount(specimen, mounted, position=self.position, angle=self.angle)
 
     def inject(self, name: str, given: dict[str, Any]) -> dict[str, Any]:
         """Start a fault now; return its parameters.

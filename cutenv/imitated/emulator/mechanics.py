@@ -26,7 +26,7 @@ from cutenv.cutting.dtypes import LawParameters
 from cutenv.cutting.sensor import Sensor, SensorParameters
 from cutenv.imitated.tissue_in_plane import TissueInPlane, measured, within
 from cutenv.plant import DescendingPlant, SimulatedPlant
-from cutenv.rig.config.laid_specimen import Laid
+from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.config.settings import Axis, PositionControl
 from cutenv.rig.errors import RigError
 from cutenv.tissue.specimen import Specimen
@@ -336,18 +336,18 @@ class EmulatedTissue:
 
     def take_away(self) -> None:
         """Remove the specimen: the blade is in free air, without force."""
-        self.laid: Laid | None = None
+        self.mounted: MountedSpecimen | None = None
         self._plant: SimulatedPlant | None = None
         self._plane: TissueInPlane | None = None
 
-    def mount(self, specimen: Specimen, laid: Laid, *, position: float, angle: float) -> None:
+    def mount(self, specimen: Specimen, mounted: MountedSpecimen, *, position: float, angle: float) -> None:
         """Clamp a fresh specimen with its crack at the blade, which must be at the clamp, at height 0, in the middle.
 
         Parameters
         ----------
         specimen : Specimen
             Specimen to be cut.
-        laid : Laid
+        mounted : MountedSpecimen
             Key of the specimen; seed and episode select the sensor's noise, as in the simulator.
         position, angle : float
             Position [m] and angle [rad] of the blade; :attr:`places` are those of the other axes.
@@ -370,12 +370,12 @@ class EmulatedTissue:
                 "before a specimen is laid."
             )
         self.take_away()
-        self.laid = laid
-        self._felt = Sensor(self._sensor, seed=laid.seed, episode=laid.episode)
-        if laid.line is not None:
-            self._plane = TissueInPlane(specimen, laid.line, law=self._law, angle=angle)
+        self.mounted = mounted
+        self._felt = Sensor(self._sensor, seed=mounted.seed, episode=mounted.episode)
+        if mounted.line is not None:
+            self._plane = TissueInPlane(specimen, mounted.line, law=self._law, angle=angle)
         elif "height" in self.places:
-            self._plant = DescendingPlant(specimen, layers=laid.layers, law=self._law, angle=measured(angle))
+            self._plant = DescendingPlant(specimen, layers=mounted.layers, law=self._law, angle=measured(angle))
         else:
             self._plant = SimulatedPlant(specimen, law=self._law, angle=measured(angle))
         if self._plant is not None:

@@ -35,7 +35,7 @@ from cutenv.imitated.emulator.control import ControlServer, EmulatorControl
 from cutenv.imitated.emulator.emulated_bench import STALL, EmulatedBench
 from cutenv.imitated.emulator.mechanics import position_control, turn_motor
 from cutenv.imitated.emulator.serial_rig import EmulatedGrblRig, EmulatedSerialRig, SerialOptions
-from cutenv.rig.config.laid_specimen import Laid
+from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.config.settings import (
     EMULATED,
     EMULATOR,
@@ -66,12 +66,12 @@ def warm_up(*, across: Sequence[str] = (), serial: bool = False) -> None:
     upright = DESCENDING if "height" in across else STRAIGHT
     warn_before_first_compile(follow(upright), *in_plane, measure, turn_motor)
     for line in (None, straight())[: 1 + len(in_plane)]:
-        laid = Laid(specimen_class="liver", line=line)
+        mounted = MountedSpecimen(specimen_class="liver", line=line)
         rig: EmulatedBench
         if serial:
-            rig = EmulatedSerialRig(SerialOptions(laid=laid))  # GRBL's has no kernels of its own
+            rig = EmulatedSerialRig(SerialOptions(mounted=mounted))  # GRBL's has no kernels of its own
         else:
-            rig = driven = EmulatedRig(Options(laid=laid, cross_axes=cross_axes(*across)))
+            rig = driven = EmulatedRig(Options(mounted=mounted, cross_axes=cross_axes(*across)))
             for axis in driven.axes.values():
                 axis.motor["mode"] = 1
         try:
@@ -133,8 +133,8 @@ def serve(
         gc.freeze()  # present objects are not searched for garbage again
         ready = _told(rig) | {"control": control.port, "pid": os.getpid()}
         if file is not None:
-            laid = options.laid or Laid()
-            depth = laid.drawn().depth
+            mounted = options.mounted or MountedSpecimen()
+            depth = mounted.drawn().depth
             profile = tuple((k * SPACING, round(float(depth[k]), 6)) for k in range(0, N_POINTS, 20))
             settings = _settings_of(options, ready)
             with atomic_write(file) as part:

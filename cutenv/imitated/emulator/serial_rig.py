@@ -38,7 +38,7 @@ from cutenv.imitated.emulator.firmware import (
 )
 from cutenv.imitated.emulator.mechanics import EmulatedTissue
 from cutenv.plant.simulator import check_angle
-from cutenv.rig.config.laid_specimen import Laid
+from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.config.settings import Axis
 from cutenv.rig.devices.serial.board import BoardFlag, BoardState, LineError, MotionReport, board_line, board_report
 from cutenv.rig.devices.serial.board_drivers import StepRates
@@ -153,7 +153,7 @@ class SerialOptions:
         Converter of the load cell, of :data:`cutenv.imitated.emulator.firmware.CONVERTERS`.
     clock_error : float
         Relative error of the converter's own clock [1]: its readings come that much faster.
-    laid : Laid, optional
+    mounted : MountedSpecimen, optional
         Specimen at the start; None: free air.
     force_limit : float
         True force whose crossing is recorded as an event [N].
@@ -173,7 +173,7 @@ class SerialOptions:
     motion: str = "board"
     converter: str = "hx711"
     clock_error: float = 0.0
-    laid: Laid | None = field(default_factory=Laid)
+    mounted: MountedSpecimen | None = field(default_factory=MountedSpecimen)
     force_limit: float = 15.0
     zeroed: bool = True
     sensor: SensorParameters = CELL
@@ -222,8 +222,8 @@ class EmulatedSerialRig(EmulatedBench):
             self.board.feed(board_line("Z"))
             self.board.advance()
             self.board.drain()
-        if self.options.laid is not None:
-            self.mount(self.options.laid)
+        if self.options.mounted is not None:
+            self.mount(self.options.mounted)
         self.line = EmulatedLine()
 
     def restart(self) -> None:

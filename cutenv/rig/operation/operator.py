@@ -121,7 +121,7 @@ class AutomaticOperator:
 
     Attributes
     ----------
-    asked, told : list of str
+    asked, messages : list of str
         Questions and messages so far, in order.
 
     Raises
@@ -137,11 +137,11 @@ class AutomaticOperator:
                 "from a terminal."
             )
         self.asked: list[str] = []
-        self.told: list[str] = []
+        self.messages: list[str] = []
 
     def tell(self, message: str) -> None:
         """Store the message."""
-        self.told.append(message)
+        self.messages.append(message)
 
     def confirm(self, question: str, *, expected: str | None = None) -> bool:
         """Store the question and return True."""

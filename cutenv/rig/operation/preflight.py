@@ -387,8 +387,8 @@ def _question(plant: RigPlant, in_air: bool) -> str:
     if plant.settings.side is not None:
         where += f", {1e3 * plant.place('side'):+.1f} mm to the left of the middle"
         moves.append("to the left and right by 1 mm")
-    told = f"will move{': ' if moves else ''}{'; '.join(moves)}"
-    return f"The blade of {plant.settings.name} {told}. {where}{felt}, and is the stop button within reach?"
+    motion = f"will move{': ' if moves else ''}{'; '.join(moves)}"
+    return f"The blade of {plant.settings.name} {motion}. {where}{felt}, and is the stop button within reach?"
 
 
 def _newtons(force: tuple[float, float, float]) -> str:
@@ -418,12 +418,12 @@ class Inspection:
     ----------
     checks : tuple of Check
         Checks, in order.
-    told : dict
+    devices : dict
         Data that each device reports, and measurements of it; units are in the names.
     """
 
     checks: tuple[Check, ...]
-    told: dict[str, dict[str, Any]]
+    devices: dict[str, dict[str, Any]]
 
     @property
     def passed(self) -> bool:
@@ -457,22 +457,22 @@ def inspect(plant: RigPlant, today: date) -> Inspection:
     finally:
         plant.witness = None
     checks += still_checks(plant)
-    told: dict[str, dict[str, Any]] = {name: dict(about) for name, about in plant.spine.about().items()}
+    devices: dict[str, dict[str, Any]] = {name: dict(about) for name, about in plant.spine.about().items()}
     checks += [
         Check(f"{name} zero", about[_ZERO] == "yes", "set by hand" if about[_ZERO] == "yes" else str(about[_ZERO]))
-        for name, about in told.items()
+        for name, about in devices.items()
         if _ZERO in about
     ]
     for name, limits in plant.spine.drive_limits().items():
         unit = "rad" if name == "angle" else "m"
-        told[name] |= {f"limit_{what}_{unit}{_PER[what]}": value for what, value in limits.items()}
+        devices[name] |= {f"limit_{what}_{unit}{_PER[what]}": value for what, value in limits.items()}
     end = start + LISTEN
     found = [_forces(plant.settings, recorder, start, end, plant.spine.rate_error)]
-    found += [_motion(plant, name, recorder, start, end) for name in told if name != "sensor"]
+    found += [_motion(plant, name, recorder, start, end) for name in devices if name != "sensor"]
     for name, more, about in found:
         checks += more
-        told[name] |= about
-    return Inspection(checks=tuple(checks), told=told)
+        devices[name] |= about
+    return Inspection(checks=tuple(checks), devices=devices)
 
 
 _Found = tuple[str, list[Check], dict[str, Any]]
@@ -569,11 +569,11 @@ def inspect_camera(settings: CameraSettings) -> Inspection:
             f"{ended or 'no frames'}; is it plugged in and free, are source and calibration right, and is "
             "cutenv[vision] installed?"
         )
-        return Inspection(checks=(Check("camera", False, found),), told={})
+        return Inspection(checks=(Check("camera", False, found),), devices={})
     rate = (len(times) - 1) / (times[-1] - times[0])
     found = f"{rate:.1f} frames a second are measured, {CAMERA_RATE:g} needed"
     if rate < CAMERA_RATE:
         found += "; take a smaller image, or a faster computer"
     return Inspection(
-        checks=(Check("camera", rate >= CAMERA_RATE, found),), told={"camera": {"measured_rate_Hz": rate}}
+        checks=(Check("camera", rate >= CAMERA_RATE, found),), devices={"camera": {"measured_rate_Hz": rate}}
     )

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv._base.arrays import StructArray
-from cutenv.rig.config.laid_specimen import measured_depth
+from cutenv.rig.config.mounted_specimen import measured_depth
 from cutenv.rig.config.settings import RigSettings, SafetyLimits
 from cutenv.rig.devices.host import SystemClock, undisturbed
 from cutenv.rig.errors import RigError
@@ -33,7 +33,7 @@ from cutenv.trace import COMPONENTS_OF_FORCE, PLACE, Reading
 Row = tuple[float, ...]
 
 
-def recorded_beside(settings: RigSettings) -> tuple[str, ...]:
+def recorded_channels(settings: RigSettings) -> tuple[str, ...]:
     """Return the fields that a rig records beside a :class:`~cutenv.trace.Reading`'s.
 
     With a height axis "height" and "vertical_force", with one to the side "blade_x", "blade_y" and "lateral_force";
@@ -68,8 +68,8 @@ def recorded_rows(plant: RigPlant, readings: StructArray) -> tuple[list[Reading]
     depth = depth_below(plant.depth, readings["position"])
     columns = [readings[field].tolist() for field in ("time", "force", "position", "speed", "angle")]
     rows = list(map(Reading._make, zip(*columns, depth.tolist(), strict=True)))
-    names = list(recorded_beside(plant.settings))
-    return rows, None if plant.beside is None else plant.beside[names].tolist()
+    names = list(recorded_channels(plant.settings))
+    return rows, None if plant.channels is None else plant.channels[names].tolist()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,7 +16,7 @@ from scipy.stats import t as student
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range
 from cutenv.scoring.study.estimate import CONFIDENCE, FEWEST_PEOPLE, Estimate, values_of
-from cutenv.scoring.study.study import NotEstimable, Study, told
+from cutenv.scoring.study.study import NotEstimable, Study, if_estimable
 
 FEWEST_IN_AN_ORDER = 2
 """Smallest number of people in each order, for a difference that is free of the change from first to second."""
@@ -136,7 +136,7 @@ def crossovers(study: Study) -> dict[str, Crossover | NotEstimable]:
             value = cut.card.overall_score if metric == _OVERALL else cut.card.metrics[metric].value
             if value is not None:
                 series.setdefault(cut.operator, []).append((cut.condition, value))
-        found[metric] = told(crossover, series)
+        found[metric] = if_estimable(crossover, series)
     return found
 
 

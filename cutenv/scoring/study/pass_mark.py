@@ -39,7 +39,7 @@ from cutenv.scoring.study.reliability import (
     rater_correlation,
 )
 from cutenv.scoring.study.separation import Separation, separation
-from cutenv.scoring.study.study import OVERALL, NotEstimable, StudiedPeople, direction_of, leading_metrics, told
+from cutenv.scoring.study.study import OVERALL, NotEstimable, StudiedPeople, direction_of, if_estimable, leading_metrics
 
 Better = Literal["higher", "lower"]
 Method = Literal["contrasting groups", "expert mean", "expert mean and SD", "set by the teacher"]
@@ -539,7 +539,7 @@ class StandardSetting(StudiedPeople):
             raise ValueError(f"no metric could be computed from these cuts: {'; '.join(notes)}.")
         agreement: RaterAgreement | NotEstimable = NotEstimable("nobody rated the cuts")
         if self.raters:
-            agreement = told(rater_agreement, self._marks(), [cut.operator for cut in self.cuts], rng=rng)
+            agreement = if_estimable(rater_agreement, self._marks(), [cut.operator for cut in self.cuts], rng=rng)
         object.__setattr__(self, "standards", tuple(standards))
         object.__setattr__(self, "agreement", agreement)
         object.__setattr__(self, "notes", tuple(notes))
@@ -609,12 +609,12 @@ class StandardSetting(StudiedPeople):
             left=left,
             separation=NotEstimable(f"fewer than {FEWEST_COMPARED} people in a group")
             if few < FEWEST_COMPARED
-            else told(separation, groups[1], groups[0]),
+            else if_estimable(separation, groups[1], groups[0]),
             reliability=NotEstimable(
                 f"fewer than {FEWEST_RELIABLE} people with two cuts or more, and so few often differ by chance"
             )
             if len(several) < FEWEST_RELIABLE
-            else told(one_way_reliability, several),
+            else if_estimable(one_way_reliability, several),
             raters=self._correlations(values, better, rng),
         )
 
@@ -625,7 +625,9 @@ class StandardSetting(StudiedPeople):
             return NotEstimable("the table names no group that is to pass")
         failing, passing = (np.array([own.mean() for own in group]) for group in groups)
         given = self.given[metric] if method == "set by the teacher" else None
-        return told(pass_mark, failing, passing, method=method, better=better, spread=self.spread, given=given, rng=rng)
+        return if_estimable(
+            pass_mark, failing, passing, method=method, better=better, spread=self.spread, given=given, rng=rng
+        )
 
     def _correlations(
         self, values: Array, better: Better, rng: np.random.Generator
@@ -635,7 +637,7 @@ class StandardSetting(StudiedPeople):
         if len(columns) > 1:
             columns[ALL_RATERS] = mean_mark(table)
         return {
-            rater: told(
+            rater: if_estimable(
                 rater_correlation,
                 values,
                 marks,

@@ -332,7 +332,7 @@ class Study(StudiedPeople):
             f"fewer than {FEWEST_RELIABLE} {self.who}s with two cuts or more, and so few often differ by chance"
         )
         enough = len(several) >= FEWEST_RELIABLE
-        reliability = told(one_way_reliability, list(several.values())) if enough else few
+        reliability = if_estimable(one_way_reliability, list(several.values())) if enough else few
         target, target_is = self._target(series)
         within = _pooled(several)
         return Findings(
@@ -376,7 +376,7 @@ class Study(StudiedPeople):
         for group in dict.fromkeys(group_of.values()):
             own = [values for operator, values in several.items() if group_of[operator] == group]
             few = NotEstimable(f"fewer than {FEWEST_COMPARED} {self.who}s with two cuts or more")
-            curves[group] = few if len(own) < FEWEST_COMPARED else told(learning_curve, own)
+            curves[group] = few if len(own) < FEWEST_COMPARED else if_estimable(learning_curve, own)
         return curves
 
     def _separation(self, series: Mapping[str, Array]) -> Separation | NotEstimable:
@@ -388,7 +388,7 @@ class Study(StudiedPeople):
         )
         if min(len(first), len(second)) < FEWEST_COMPARED:
             return NotEstimable(f"fewer than {FEWEST_COMPARED} {self.who}s in a group ({len(first)} and {len(second)})")
-        return told(separation, first, second)
+        return if_estimable(separation, first, second)
 
     def _retest(self, values: Array) -> Intraclass | NotEstimable:
         if len(self.sessions) < 2:
@@ -406,7 +406,7 @@ class Study(StudiedPeople):
             return NotEstimable(
                 f"fewer than {FEWEST_RELIABLE} {self.who}s were at every session, and so few often differ by chance"
             )
-        return told(intraclass_correlation, rows)
+        return if_estimable(intraclass_correlation, rows)
 
 
 def value_of(card: ScoreCard, metric: str) -> tuple[float | None, str]:
@@ -428,7 +428,7 @@ def leading_metrics(cuts: Sequence[StudiedCut]) -> tuple[str, ...]:
     return STUDIED if moved else tuple(FORCE_WEIGHTS)
 
 
-def told(function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T | NotEstimable:
+def if_estimable(function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T | NotEstimable:
     """Return what a statistic returns, or the reason why these people do not allow it."""
     try:
         return function(*args, **kwargs)

@@ -21,7 +21,7 @@ from cutenv.tissue.elasticity import lame_parameters
 from cutenv.tissue.grid import N_POINTS, SPACING
 from cutenv.tissue.lines import CutLine, arc, half_ellipse, length_within, random_line, s_shape, straight
 from cutenv.tissue.path_model import straight_stiffness
-from cutenv.tissue.place_model import beside_line
+from cutenv.tissue.place_model import stiffness_off_line
 from cutenv.tissue.split_mesh import SplitMesh, SplitStiffness
 from scripts.validation.physics.curves.calculix import compliance
 from scripts.validation.physics.promises import Row
@@ -215,7 +215,7 @@ def _table_errors(line: CutLine, way: CutLine, tips: Any, stiffness: Any) -> tup
         if _BESIDE_FROM <= place <= min(length_within(line), LEAST_LENGTH):
             own = [float(np.interp(place, grid, base * table[name])) for name in ("along", "coupled", "across")]
             rates = [float(np.interp(place, grid, table["off_line"][k::3])) for k in range(3)]
-            along, coupled, across = beside_line((own[0], own[1], own[2]), (rates[0], rates[1], rates[2]), aside)
+            along, coupled, across = stiffness_off_line((own[0], own[1], own[2]), (rates[0], rates[1], rates[2]), aside)
             turn = direction - float(np.interp(place, grid, line.angle))
             frame = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
             gap = abs(frame.T @ np.array([[along, coupled], [coupled, across]]) @ frame - true)

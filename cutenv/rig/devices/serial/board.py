@@ -174,7 +174,7 @@ class BoardMember(Protocol):
         """Return whether a supervisor has judged the rig lately, or there is none; True for a sensor."""
         ...
 
-    def told(self, report: Report, time: float) -> None:
+    def received(self, report: Report, time: float) -> None:
         """Take a report that arrived at ``time`` [s]; called in the reader's thread."""
         ...
 
@@ -390,7 +390,7 @@ class SerialBoard:
                 self._answers[type(report)] = report
                 self._changed.notify_all()
             return
-        self._each(lambda member: member.told(report, now))
+        self._each(lambda member: member.received(report, now))
 
     def _each(self, tell: Callable[[BoardMember], None]) -> None:
         for member in tuple(self._members):

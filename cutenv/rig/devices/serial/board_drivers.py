@@ -304,7 +304,7 @@ class StepperAxis(AxisDriver):
         """Return whether the rig was judged lately: without, the board gets no sign of life, and stops by itself."""
         return self.latch.watched(now)
 
-    def told(self, report: Report, time: float) -> None:
+    def received(self, report: Report, time: float) -> None:
         """Take a report of the motion; others are not for an axis."""
         if not isinstance(report, MotionReport):
             return
@@ -452,7 +452,7 @@ class LoadCell(StreamedSensor):
         """Return True: a sensor keeps nothing alive."""
         return True
 
-    def told(self, report: Report, time: float) -> None:
+    def received(self, report: Report, time: float) -> None:
         """Take a reading; other reports are not for a sensor."""
         if isinstance(report, ForceReport):
             counts = [0, 0, 0]

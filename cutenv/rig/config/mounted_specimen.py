@@ -23,7 +23,7 @@ from cutenv.tissue.specimen import Specimen
 
 
 @dataclass(frozen=True, kw_only=True)
-class Laid:
+class MountedSpecimen:
     """Specimen on the bench, by its key or as an object."""
 
     seed: int = 0
