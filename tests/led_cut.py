@@ -17,7 +17,6 @@ from cutenv._engine.randomness import generator
 from cutenv.cutting import friction as cutting_friction
 from cutenv.cutting import law as cutting_law
 from cutenv.cutting import row as cutting_row
-from cutenv.cutting import update as cutting_relaxation
 from cutenv.cutting import update as cutting_update
 from cutenv.cutting.drive import Hand, advance_command, coupling_step, lag_gain
 from cutenv.cutting.dtypes import DRIVE, READING, STATE, TICK, LawParameters, law_records, new_state, profile_records
@@ -113,7 +112,7 @@ def _lead(cuts, shared, states, path, dt, readings):
         states[i + 1] = cuts[0].states[0]
 
 
-_PARTS = (cutting_friction, cutting_relaxation, cutting_law, cutting_row, cutting_update)
+_PARTS = (cutting_friction, cutting_law, cutting_row, cutting_update)
 _IMPORT = rf"^from ({'|'.join(part.__name__ for part in _PARTS)}) import (\([^)]*\)|.*)\n"
 
 

@@ -50,9 +50,6 @@ from cutenv.task_quantities import (
 )
 from cutenv.tissue.grid import N_POINTS
 
-__all__ = ["ENDS", "PROGRESS", "SPECIMEN", "STOPPED", "TASK", "TERMS"]
-
-
 WITHDRAWN = 0.020
 """Distance of drawing back unloaded after which the cut is finished [m]."""
 TIME_AT_REST = 0.3
