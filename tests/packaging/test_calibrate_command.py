@@ -112,7 +112,7 @@ BAD_OPTIONS = [
     (["--out", "tissue.json", "--resamples", "many"], "invalid int value: 'many'"),
     (["--out", "tissue.json", "--poisson", "0.6"], "poisson = 0.6 is outside"),
     (["--out", "tissue.json", "--element", "quad9"], "invalid choice: 'quad9'"),
-    (["--out", "tissue.json", "--element", "hex20"], "formulation"),
+    (["--out", "tissue.json", "--element", "hex20"], "invalid choice: 'hex20'"),
     (["--out", "tissue.json", "--specimen", "("], "is no regular expression"),
     (["--out", "tissue.json", "--specimen", "(sheep|cow)"], "does not match"),
     (["--out", "tissue.json", "--unit", "N"], "--unit goes with --map"),

@@ -42,7 +42,7 @@ from cutenv.scoring.study import StandardSetting, StudiedCut, Study
 
 NAMES = {"novice", "expert", "novice, expert", "made up", "2b"}
 SPEAK = (
-    cut_map, cut_metrics, doubts, validity, cut_metrics, points, score_card, scored_cut, technique, validity,
+    cut_map, cut_metrics, doubts, points, score_card, scored_cut, technique, validity,
     cutenv.measurement.signal_quality, cutenv.scoring.study.learning,
 )  # fmt: skip
 """Modules whose texts stand on a card: results, reasons, notes, doubts, faults, advice, and what the metrics mean."""
@@ -56,6 +56,8 @@ PARTS = {
 """Texts in the places of calls and names; in any other place stands a number."""
 CHECKS, TERMINAL = ("in_range", "array_in_range", "one_of"), ("__str__", "_repr_html_", "to_json", "difficulty")
 """Functions whose texts are for programmers, and those that write no page."""
+OF_REFERENCE = {"INVARIANCES"}
+"""Tables whose texts stand in the reference alone, which is English."""
 ENGLISH = re.compile(r"\b(the|of|is|are|with|mean|cuts?|people|score|no|not|group|each|every|first|last)\b")
 
 
@@ -93,6 +95,8 @@ def said_by(module: ModuleType) -> Iterator[str]:
             or called in CHECKS
             or (isinstance(node, ast.FunctionDef) and node.name in TERMINAL)
         ):
+            skipped |= set(ast.walk(node))
+        if isinstance(node, ast.AnnAssign) and ast.unparse(node.target) in OF_REFERENCE:
             skipped |= set(ast.walk(node))
         if isinstance(node, ast.JoinedStr) or (isinstance(node, ast.Assign) and named(node) & set(PARTS)):
             skipped |= set(ast.walk(node)) - {node}
