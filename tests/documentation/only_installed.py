@@ -85,5 +85,5 @@ def environment(folder: Path, installed: frozenset[str], *, checkout: bool = Fal
 
 
 def missing(printed: str) -> list[str]:
-    """What a program says is not installed."""
+    """Return the lines in which a program names a package that is not installed."""
     return re.findall(r"No module named .*|.* not installed: pip install.*|.* an extra: pip install.*", printed)

@@ -24,7 +24,7 @@ SHOWN = re.compile(r"\n+(?:It prints `([^`\n]+)`|(?: *)```text\n(.*?)^ *```$)", 
 WITH_A_VALUE = ("-c", "--index-url")
 """Options of pip that are followed by a value."""
 FIRST = frozenset({"cutenv[view]"})
-"""What whoever has read the page Install has installed; a page that names an extra is read by its own line alone."""
+"""Requirements of the page Install, for a page that names no extra; one that does has those that it names alone."""
 
 
 class Code(NamedTuple):
@@ -44,7 +44,7 @@ class Code(NamedTuple):
 
 
 def requirements(words: list[str]) -> Iterator[str]:
-    """What the words after ``pip install`` install; the checkout is ``cutenv``, too."""
+    """Yield the requirements among the words after ``pip install``; the checkout is ``cutenv``, too."""
     value_of = ""
     for word in words:
         if word.startswith("-") or value_of in WITH_A_VALUE:
