@@ -171,12 +171,13 @@ def test_json_that_is_no_request_is_answered_and_the_talk_goes_on(emulator, line
 
 
 def test_its_own_delays_are_counted(emulator):
+    """It waits for a stall as long as the pause: a busy host adds short ones of its own, before and after."""
     before = emulator.control.state()["stalls"]
     os.kill(emulator.pid, signal.SIGSTOP)
     time.sleep(0.1)
     os.kill(emulator.pid, signal.SIGCONT)
-    state = until(lambda: (found := emulator.control.state())["stalls"] > before and found)
-    assert state["worst_stall_s"] > 0.05
+    state = until(lambda: (found := emulator.control.state())["worst_stall_s"] > 0.05 and found)
+    assert state["stalls"] > before
     assert "stall" in [event["what"] for event in emulator.control.events()]
 
 
