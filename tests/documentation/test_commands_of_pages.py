@@ -8,6 +8,7 @@ import shlex
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -33,7 +34,9 @@ NOT_TO_THE_END = {
     r"train .*--(dataset|from-nothing)": "a data set of many cuts, or much training",
 }
 """Beginnings of commands that are stopped after some seconds, and why: until then nothing must be missing."""
-SECONDS = 10.0
+SECONDS, MOST_SECONDS = 10.0, 900.0
+TRIES = 2
+"""Of a rig in real time, which stops, as it must, when a busy machine stalls it."""
 
 
 def short_training(line: str) -> str:
@@ -59,7 +62,7 @@ def commands_of(page: str) -> list[tuple[Code, list[str] | None]]:
 def shortened(words: list[str], folder: Path) -> list[str]:
     """The same command with fewer specimens and decisions, an agent that there is, and patterns as files."""
     line = shlex.join(words)
-    line = re.sub(r"--(specimens|cuts) \d+", r"--\1 3", line)
+    line = re.sub(r"--(specimens|cuts) (\d+)", lambda found: f"--{found[1]} {min(3, int(found[2]))}", line)
     if line.startswith("cutenv demo") and "--specimens" not in line:
         line += " --specimens 3"
     if line.startswith("cutenv train"):
@@ -75,7 +78,7 @@ def shortened(words: list[str], folder: Path) -> list[str]:
     return found
 
 
-def run(words: list[str], folder: Path, variables: dict[str, str], seconds: float | None) -> tuple[int | None, str]:
+def run(words: list[str], folder: Path, variables: dict[str, str], seconds: float) -> tuple[int | None, str]:
     """Exit status, None if it was stopped when its time was over, and all that it printed."""
     variables = variables | {"BROWSER": "true", "SDL_VIDEODRIVER": "dummy", "SDL_AUDIODRIVER": "dummy"}
     program = subprocess.Popen(
@@ -98,12 +101,16 @@ USERS_PAGES = [page for page in PAGES if not page.startswith(CONTRIBUTORS) and a
 
 
 @pytest.mark.slow
+@pytest.mark.flaky(reruns=0)  # a command alone is run again, not the page
 @pytest.mark.parametrize("page", USERS_PAGES)
-def test_the_commands_of_a_page_run_with_what_the_page_installs(page: str, tmp_path: Path) -> None:
+def test_the_commands_of_a_page_run_with_what_the_page_installs(
+    page: str, tmp_path: Path, pytestconfig: pytest.Config
+) -> None:
+    stalled = "|".join(pytestconfig.getoption("only_rerun"))
     reader, hooks = tmp_path / "reader", tmp_path / "hooks"
     reader.mkdir()
     give(page, reader)
-    wrong = []
+    wrong, late = [], []
     for block, words in commands_of(page):
         variables = environment(hooks, block.installed) | {"MINARI_DATASETS_PATH": str(tmp_path / "datasets")}
         if words is None:
@@ -112,7 +119,17 @@ def test_the_commands_of_a_page_run_with_what_the_page_installs(page: str, tmp_p
             words = [word for word in words if not re.match("[A-Z_]+=", word)]
             name, to_its_end = shlex.join(words), not stopped(words)
             command = [sys.executable, str(hooks / "cutenv-command"), *shortened(words, reader)[1:]]
-        status, printed = run(command, reader, variables, None if to_its_end else SECONDS)
+        for _ in range(TRIES):
+            begun, before = time.monotonic(), {*reader.glob("cuts/*")}
+            status, printed = run(command, reader, variables, MOST_SECONDS if to_its_end else SECONDS)
+            print(f"{time.monotonic() - begun:.0f} s, ended with {status}: {name}", flush=True)
+            if status == 0 or not re.search(stalled, printed):
+                break
+            for path in {*reader.glob("cuts/*")} - before:  # too short for what is done with cuts
+                path.unlink()
+        else:
+            late.append(name)
+            continue
         if missing(printed):
             wrong.append(f"{name}: {missing(printed)[0]}")
         elif to_its_end and status != 0:
@@ -120,6 +137,8 @@ def test_the_commands_of_a_page_run_with_what_the_page_installs(page: str, tmp_p
         elif not to_its_end and status == 0:
             wrong.append(f"{name}: runs to its end within {SECONDS:g} s, so it need not be in NOT_TO_THE_END")
     assert not wrong, "\n".join(wrong)
+    if late:
+        pytest.skip(f"this machine is too busy for a rig in real time: {'; '.join(late)}")
 
 
 def test_every_command_that_is_not_run_to_its_end_is_on_a_page() -> None:

@@ -128,6 +128,8 @@ def chosen_policy(name: str, task: str = "gentle") -> tuple[Policy, dict[str, An
     for other in TASKS.values():
         if name in (other.policies or other.scripts):
             raise ValueError(f"policy {name!r} is a script of {other.id}, and the task is {task}. Give {scripts}.")
+    if ":" in name:  # what it imports, such as PyTorch, can take seconds
+        print(f"loading {name} ...", file=sys.stderr, flush=True)
     own = policy_of_class(name)
     if own is not None:
         return own, dict(getattr(own, "environment_arguments", {}))
