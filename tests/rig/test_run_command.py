@@ -149,6 +149,7 @@ def test_a_policy_of_ones_own_cuts_too(tmp_path, monkeypatch, capsys):
     assert "cut 1:" in printed.out
     assert "commands more than 2 ms late" not in printed.out  # the fake's clock stands while a policy decides
     assert "ms a decision, and has 20 ms: on a rig it is late" in printed.err
+    assert printed.err.startswith("loading my_policy:Steady ...\n")  # before a module that may take long
     assert run("--policy", "my_policy:Stedy", "--rig", "fake", "--out", str(tmp_path)) == 2
     assert "MODULE:CLASS" in capsys.readouterr().err
 
