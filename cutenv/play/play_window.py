@@ -16,9 +16,11 @@ from cutenv.play.picture import LAYOUT, PlayPicture
 from cutenv.play.play_session import SHARED_TASK, Session
 from cutenv.play.servo import Servo
 from cutenv.viewer.canvas import import_pygame
-from cutenv.viewer.window import Window
+from cutenv.viewer.window import Window, is_seen, open_display
 
 FPS = 60.0
+CARD_SECONDS = 8.0
+"""Time [s] for which an end card stays that no key ends, where somebody can see it."""
 _FULL_STICK, _FULL_TRIGGER = 32768.0, 32767.0  # SDL's ranges for the axes of a game controller
 _NOTCH_HEIGHT = 12.0  # [px] that a finger moves up or down to turn the blade by a notch of the wheel
 
@@ -33,9 +35,10 @@ class PlayWindow:
         device stays.
     scripted : bool
         True to let a scripted hand cut instead of a person, by its own clock: a sixtieth of a second for each picture,
-        however long that takes.
+        however long that takes; where no display shows them, as fast as they are drawn.
     ends : bool
-        True to close the window when all cuts are done, without a key; always so for a scripted hand.
+        True to close the window when all cuts are done and the last card could be read, without a key; always so for a
+        scripted hand.
     clock : callable
         Clock in seconds.
 
@@ -59,7 +62,9 @@ class PlayWindow:
         self._clock = clock
         self._pygame: Any = import_pygame()
         self._picture = PlayPicture()
-        self._window = Window(LAYOUT.width, LAYOUT.height, 0.0 if scripted else FPS)
+        open_display()
+        self._card_pictures = int(CARD_SECONDS * FPS) if is_seen() else 0
+        self._window = Window(LAYOUT.width, LAYOUT.height, FPS if is_seen() or not scripted else 0.0)
         self._pygame.display.set_caption("cutenv play")
         self.mouse, self.gamepad = MouseDevice(), GamepadDevice()
         self._own_device = isinstance(session.device, MouseDevice)
@@ -68,7 +73,7 @@ class PlayWindow:
         self._free = False
         self._pointers: dict[object, tuple[float, float]] = {}  # finger or mouse, and where in the picture it is [px]
         self._pads: list[Any] = []
-        self._pictures = 0
+        self._pictures = self._pictures_of_card = 0
         if not scripted:
             self._open_gamepads()
 
@@ -84,7 +89,7 @@ class PlayWindow:
                         self.take_events()
                         sight = self.session.sight()
                     self._window.present(self._picture.draw(sight))
-                if self._ends and self.session.done and self.session.phase == "ended":
+                if self._ends and self.session.done and self._card_was_shown():
                     self._window.close()
         finally:
             try:
@@ -93,6 +98,10 @@ class PlayWindow:
             finally:
                 self.session.close()
                 self._window.close()
+
+    def _card_was_shown(self) -> bool:
+        """Return whether an end card was shown for as long as it takes to read it."""
+        return self.session.phase == "ended" and self._pictures_of_card >= self._card_pictures
 
     def show_next(self) -> None:
         """Show one picture: take events, advance the time, draw."""
@@ -110,7 +119,8 @@ class PlayWindow:
     # Events
 
     def take_events(self) -> None:
-        """Handle the events of keys, mouse, fingers and gamepad."""
+        """Handle the events of keys, mouse, fingers and gamepad, once for each picture."""
+        self._pictures_of_card = self._pictures_of_card + 1 if self.session.phase == "ended" else 0
         for event in self._window.take_events():
             self._take(event)
         if self._window.open:
@@ -266,7 +276,7 @@ class PlayWindow:
         self._pads = [controller.Controller(i) for i in range(controller.get_count()) if controller.is_controller(i)]
 
     def _lead_by_script(self) -> None:
-        if self.session.phase in ("ready", "ended") and not self.session.done:
+        if self.session.phase == "ready" or (self._card_was_shown() and not self.session.done):
             if self.session.phase == "ended":
                 self.session.go_on()
             self.session.device = self.session.cut.simple_hand()

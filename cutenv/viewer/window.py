@@ -46,6 +46,12 @@ def open_display() -> None:
         raise OSError(f"no window can be opened: there is no display. {_CURE}")
 
 
+def is_seen() -> bool:
+    """Return whether the open display shows its windows to anybody."""
+    seen: bool = import_pygame().display.get_driver() not in _UNSEEN
+    return seen
+
+
 class Window:
     """Single window of pygame's display, opened at construction.
 

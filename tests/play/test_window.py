@@ -12,7 +12,8 @@ from played import TARGET, Pushing, begun, run, session, whole
 from played_window import FRAME, FakeClock, begin, post, press, show
 
 from cutenv import cli
-from cutenv.play.devices import GamepadDevice, HandMotion, ScriptedDevice
+from cutenv.play import play_window
+from cutenv.play.devices import GamepadDevice, HandMotion, MouseDevice, ScriptedDevice
 from cutenv.play.overlays import fault_lines
 from cutenv.play.picture import LAYOUT, PlayPicture
 from cutenv.play.play_session import GIVEN_UP, Session, SessionPlan, ViewState
@@ -23,6 +24,7 @@ from cutenv.tissue import measured_liver
 from cutenv.viewer import palette
 from cutenv.viewer.canvas import Canvas
 from cutenv.viewer.views import tint
+from cutenv.viewer.window import Window
 
 pygame = pytest.importorskip("pygame", reason='playing is an extra: pip install "cutenv[play]"')
 pytest.importorskip("pymunk", reason='playing is an extra: pip install "cutenv[play]"')
@@ -260,6 +262,31 @@ def test_a_cut_that_left_no_record_has_an_end_card_too() -> None:
     played.close()
     assert played.phase == "ended"
     picture_of(played)
+
+
+def test_a_scripted_cut_that_is_seen_is_shown_at_its_own_pace_and_then_its_card(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    paces = []
+
+    class Hurried(Window):
+        def __init__(self, width: int, height: int, fps: float) -> None:
+            paces.append(fps)
+            super().__init__(width, height, 0.0)
+
+    monkeypatch.setattr(play_window, "is_seen", lambda: True)
+    drawn = Canvas(LAYOUT.width, LAYOUT.height, palette.PAPER)
+    monkeypatch.setattr(PlayPicture, "draw", lambda self, sight: drawn)
+    monkeypatch.setattr(play_window, "CARD_SECONDS", 0.5)
+    monkeypatch.setattr(play_window, "Window", Hurried)
+    plan = SessionPlan(specimen_class="uniform", target_length=TARGET, seed=6, countdown=0.0, cuts=2)
+    played = Session(MouseDevice(), plan, folder=tmp_path, operator="P07")
+    phases: list[str] = []
+    played.after_advance = lambda: phases.append(played.phase)
+    PlayWindow(played, scripted=True).run()
+    assert paces == [play_window.FPS]
+    assert phases.count("ended") == pytest.approx(2 * 0.5 * play_window.FPS, abs=4)
 
 
 # The command
