@@ -19,7 +19,7 @@ from page_code import CONTRIBUTORS, PAGES, Code, code_of
 OF_A_CHECKOUT = re.compile(r"python3? |\.venv|pipx? |\. |ls |export |cutenv warm")
 """Beginnings of commands that set up or take away, or that belong to a checkout or to another program."""
 NOT_TO_THE_END = {
-    r"play (?!.*--scripted)": "cuts by hand in a window",
+    r"play .*--device inverse3": "a device that is not there",
     r"serve (?!.*(--backup|--shortcut|--restore))": "a server, which runs until it is ended",
     r"(train|rig (?!init)).*my_rig": "a rig of one's own",
     r"rig emulate (?!.*--list-faults)": "an emulated rig, which runs until it is ended",
@@ -67,6 +67,8 @@ def shortened(words: list[str], folder: Path) -> list[str]:
         line += " --specimens 3"
     if line.startswith("cutenv train"):
         line += f" {short_training(line)}"
+    if line.startswith("cutenv play") and "--device" not in line and "--scripted" not in line:
+        line += " --scripted"
     runs = sorted(folder.glob("runs/*/policy"), key=lambda path: path.stat().st_mtime)
     agent = runs[-1].parent.relative_to(folder).as_posix() if runs else "runs/NAME"
     line = line.replace("runs/NAME", agent)
