@@ -65,7 +65,8 @@ def give(page: str, folder: Path) -> None:
         save(cut, folder / "our_people" / f"cut_{number}.csv")
     for cut in cuts:
         save(cut, folder / "cuts" / f"{cut.metadata['operator']}.csv")
-        save(cut, folder / "series" / f"{cut.metadata['operator']}.csv")
+    for number in range(6):  # of one blade, more than it takes to fit its wear
+        save(cuts[number % len(cuts)], folder / "series" / f"cut_{number}.csv")
     for name in ("cut.csv", "my_cut.csv"):
         save(cuts[0], folder / name)
     _export(folder / "trial12.csv")

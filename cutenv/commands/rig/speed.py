@@ -131,7 +131,7 @@ def _parser() -> argparse.ArgumentParser:
         __doc__,
         examples=(
             "simulator --drive pd --picture speed.png",
-            "emulator --drive pd --set proportional_gain=75e3 --set derivative_gain=8e3 --picture speed.png",
+            "emulator --drive pd --set proportional_gain=250e3 --set derivative_gain=14e3 --picture speed.png",
             "cut.csv --speed-cm-s 1.27 --picture speed.png",
         ),
     )
