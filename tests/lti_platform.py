@@ -1,8 +1,8 @@
 """A learning platform for tests, as strict as LTI 1.3 lets one be: its own keys, launches, gradebook, on loopback.
 
-It follows 1EdTech's LTI Core 1.3, Security Framework 1.0, Deep Linking 2.0, Assignment and Grade Services 2.0 and Names
-and Role Provisioning Services 2.0, and shares no code with the class: tokens are made and checked here by the
-arithmetic of RSA in ``cryptography``.
+It follows 1EdTech's LTI Core 1.3, Security Framework 1.0, Deep Linking 2.0, Assignment and Grade Services 2.0, Names
+and Role Provisioning Services 2.0 and Dynamic Registration 1.0, and shares no code with the class: tokens are made and
+checked here by the arithmetic of RSA in ``cryptography``.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import json
 import secrets
 import threading
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from datetime import datetime
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
@@ -29,6 +30,7 @@ SCORE = "https://purl.imsglobal.org/spec/lti-ags/scope/score"
 NRPS = "https://purl.imsglobal.org/spec/lti-nrps/claim/namesroleservice"
 MEMBERS = "https://purl.imsglobal.org/spec/lti-nrps/scope/contextmembership.readonly"
 CONTAINER = "application/vnd.ims.lti-nrps.v2.membershipcontainer+json"
+TOOL = "https://purl.imsglobal.org/spec/lti-tool-configuration"
 ROLE = "http://purl.imsglobal.org/vocab/lis/v2/membership#"
 CLIENT, DEPLOYMENT, COURSE = "cutting-class", "1", "12"
 
@@ -122,6 +124,10 @@ class LearningPlatform(ThreadingHTTPServer):
         self.container: dict[str, Any] = {"id": f"{self.issuer}/{COURSE}/members", "context": {"id": COURSE}}
         self.kind = CONTAINER
         self.next_page: Callable[[int], str] = lambda start: f"{self.members_url}&start={start}"
+        self.described: dict[str, Any] = {}  # what its configuration says otherwise
+        self.registered: dict[str, Any] = {}  # what its answer to a registration says otherwise
+        self.registrations: list[dict[str, Any]] = []
+        self.registration_token = secrets.token_urlsafe(24)
         self._tokens: dict[str, str] = {}
         self._used: set[str] = set()
         self._latest: dict[tuple[str, str], str] = {}
@@ -140,6 +146,54 @@ class LearningPlatform(ThreadingHTTPServer):
             "issuer": self.issuer, "client_id": CLIENT, "auth_url": f"{self.issuer}/auth?kind=lti",
             "token_url": f"{self.issuer}/token", "jwks_url": f"{self.issuer}/jwks", "deployments": [DEPLOYMENT],
         }  # fmt: skip
+
+    @property
+    def configuration(self) -> dict[str, Any]:
+        """Return how this platform describes itself to a tool that is to register."""
+        registration = self.registration
+        made = {
+            "issuer": self.issuer, "authorization_endpoint": registration["auth_url"],
+            "token_endpoint": registration["token_url"], "jwks_uri": registration["jwks_url"],
+            "registration_endpoint": f"{self.issuer}/register?kind=lti", "scopes_supported": ["openid", SCORE, MEMBERS],
+            "token_endpoint_auth_methods_supported": ["private_key_jwt"], "response_types_supported": ["id_token"],
+            "token_endpoint_auth_signing_alg_values_supported": ["RS256"], "subject_types_supported": ["public"],
+            "id_token_signing_alg_values_supported": ["RS256"], "claims_supported": ["sub", "iss", "name", "email"],
+            "https://purl.imsglobal.org/spec/lti-platform-configuration": {
+                "product_family_code": "stand-in", "version": "1", "variables": [],
+                "messages_supported": [{"type": "LtiResourceLinkRequest"}, {"type": "LtiDeepLinkingRequest"}],
+            },
+        }  # fmt: skip
+        return {name: value for name, value in (made | self.described).items() if value is not None}
+
+    def take_registration(self, headers: Mapping[str, str], content: bytes) -> dict[str, Any]:
+        """Register a tool, whose request is checked; the token holds once."""
+        assert headers["Authorization"] == f"Bearer {self.registration_token}"
+        assert headers["Content-Type"] == "application/json"
+        self.registration_token = secrets.token_urlsafe(24)
+        asked = json.loads(content)
+        about = asked[TOOL]
+        assert set(asked) == {
+            "application_type", "response_types", "grant_types", "initiate_login_uri", "redirect_uris", "client_name",
+            "jwks_uri", "token_endpoint_auth_method", "scope", TOOL,
+        }  # fmt: skip
+        assert (asked["application_type"], asked["token_endpoint_auth_method"]) == ("web", "private_key_jwt")
+        assert asked["response_types"] == ["id_token"]
+        assert set(asked["grant_types"]) == {"implicit", "client_credentials"}
+        assert set(asked["scope"].split(" ")) == {SCORE, MEMBERS}, "no more than is used"
+        assert set(about) == {"domain", "target_link_uri", "claims", "messages"}
+        assert set(about["claims"]) == {"iss", "sub"}, "nobody's name"
+        (message,) = about["messages"]
+        assert message["type"] == "LtiDeepLinkingRequest"
+        assert {about["target_link_uri"], message["target_link_uri"]} == set(asked["redirect_uris"])
+        assert asked["client_name"]
+        assert message["label"]
+        for address in (asked["initiate_login_uri"], asked["jwks_uri"], *asked["redirect_uris"]):
+            parts = urlsplit(address)
+            assert parts.scheme == "https" or parts.hostname == "127.0.0.1", address
+            assert parts.hostname == about["domain"], address
+        self.registrations.append(asked)
+        answer = {"client_id": CLIENT, TOOL: about | {"deployment_id": DEPLOYMENT}} | self.registered
+        return {name: value for name, value in (asked | answer).items() if value is not None}
 
     def line_item(self, name: str) -> str:
         """Address of a column of the gradebook; with a query, as Moodle has it."""
@@ -295,6 +349,8 @@ class PlatformAnswer(BaseHTTPRequestHandler):
         try:
             if "/memberships?" in self.path:
                 self._say(*self.server.list_members(self.path, self.headers))
+            elif self.path == "/.well-known/openid-configuration":
+                self._say(200, self.server.configuration)
             else:
                 self._say(200, {"keys": [signer.jwk for signer in self.server.signers]} if self.path == "/jwks" else {})
         except (AssertionError, KeyError, ValueError) as error:
@@ -308,6 +364,8 @@ class PlatformAnswer(BaseHTTPRequestHandler):
         try:
             if self.path == "/token":
                 self._say(*self.server.token(dict(parse_qsl(content.decode(), strict_parsing=True))))
+            elif self.path == "/register?kind=lti":
+                self._say(200, self.server.take_registration(self.headers, content))
             else:
                 self._say(self.server.take_score(self.path, self.headers, content), {})
         except (AssertionError, KeyError, ValueError) as error:
@@ -329,8 +387,9 @@ class PlatformAnswer(BaseHTTPRequestHandler):
         sent = {"Content-Type": "application/json", "Location": "http://127.0.0.1:1/elsewhere"} | dict(headers or {})
         for name, value in (sent | {"Content-Length": str(len(made))}).items():
             self.send_header(name, value)
-        self.end_headers()
-        self.wfile.write(made)
+        with suppress(ConnectionError):  # who asked did not wait
+            self.end_headers()
+            self.wfile.write(made)
 
     def log_message(self, *_: Any) -> None:
         pass

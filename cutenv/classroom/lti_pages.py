@@ -22,6 +22,7 @@ from cutenv.classroom.lti_keys import BadToken
 from cutenv.classroom.lti_launch import Launch, RefusedLaunch
 from cutenv.classroom.lti_people import Learner
 from cutenv.classroom.lti_platforms import Platform, platform_of
+from cutenv.classroom.lti_registration import RefusedRegistration, RegistrationDesk
 from cutenv.classroom.lti_requests import PlatformUnreachable
 from cutenv.classroom.lti_tool import LtiTool
 from cutenv.play.course_words import course_name
@@ -30,11 +31,13 @@ from cutenv.report.page import translated
 T = TypeVar("T")
 
 _LOGIN, _LAUNCH, _CHOOSE = LAUNCH_PATHS
+_PATHS = {"login": _LOGIN, "launch": _LAUNCH, "choose": _CHOOSE, "jwks": "/lti/jwks"}
 _ASKED = ("iss", "login_hint", "target_link_uri", "client_id", "lti_deployment_id", "lti_message_hint")
 _FRAMES = ("iframe", "frame", "embed", "object")
 _SUBMIT = (
     'const form = document.getElementById("launch");\nform.querySelector("button").disabled = true;\nform.submit();\n'
 )
+_CLOSE = '(window.opener || window.parent).postMessage({subject: "org.imsglobal.lti.close"}, "*");\n'
 _CONSENT, _CONSENT_WITHIN = "consent", 900  # audience of what a person is to agree to; [s]
 _STATE_KEPT = 600  # [s]
 _AT_ONCE = 4  # launches that are checked at once, each of which may wait for a platform
@@ -54,6 +57,7 @@ class LtiPages:
 
     def __init__(self, site: ClassSite, tool: LtiTool) -> None:
         self._site, self._tool, self._lesson = site, tool, site.lesson
+        self._desk = RegistrationDesk(tool, site.lesson.store.clock, site.title, _PATHS)
         self._limit = anyio.CapacityLimiter(_AT_ONCE)
 
     @property
@@ -66,7 +70,8 @@ class LtiPages:
             Route(_CHOOSE, framed(self.launch), methods=["POST"]),
             Route("/lti/enter", framed(self.enter), methods=["POST"]),
             Route("/lti/agree", framed(self.agree), methods=["POST"]),
-            Route("/lti/jwks", self.jwks, methods=["GET"]),
+            Route(_PATHS["jwks"], self.jwks, methods=["GET"]),
+            Route("/lti/register/{invitation}", framed(self.registered), methods=["GET"]),
             route("GET", "/teacher/platforms", self.platforms), route("POST", "/teacher/platforms", self.register),
             route("GET", "/teacher/members", self.members),
         ]  # fmt: skip
@@ -79,7 +84,7 @@ class LtiPages:
                 return await answer(request)
             except PlatformUnreachable as error:
                 return self._page("trouble.html", 502, trouble=self._said(str(error)))
-            except (RefusedLaunch, BadToken) as error:
+            except (RefusedLaunch, RefusedRegistration, BadToken) as error:
                 return self._page("trouble.html", 403, trouble=self._said(str(error)))
 
         return answered
@@ -209,15 +214,24 @@ class LtiPages:
         """Show the registrations, and the grades that go to the platforms."""
         return await self._in_thread(self._platforms, request, {})
 
-    def _platforms(self, request: Request, filled: dict[str, str], trouble: str = "", status: int = 200) -> Response:
+    def _platforms(
+        self, request: Request, filled: dict[str, str], trouble: str = "", status: int = 200, *, invite: bool = False
+    ) -> Response:
         base = str(request.base_url).rstrip("/")
         safe = request.url.scheme == "https" or is_loopback(request.url.hostname or "")
-        paths = {"login": _LOGIN, "launch": _LAUNCH, "choose": _CHOOSE, "jwks": "/lti/jwks"}
+        invitation = f"{base}/lti/register/{self._desk.invite(base)}" if invite and safe else ""
         return self._site.page(
             "lti_platforms.html", status, root="../", platforms=self._tool.file.platforms,
             rows=self._tool.people.grades(), filled=filled, trouble=trouble, troubles=self._tool.troubles(),
-            fields=_FIELDS, safe=safe, addresses={name: base + path for name, path in paths.items()},
+            fields=_FIELDS, safe=safe, addresses={name: base + path for name, path in _PATHS.items()},
+            invitation=invitation,
         )  # fmt: skip
+
+    async def registered(self, request: Request) -> Response:
+        """Register the class with a platform that was invited, and let the platform close the window."""
+        asked = [request.query_params.get(name, "") for name in ("openid_configuration", "registration_token")]
+        platform = await self._in_thread(self._desk.register, request.path_params["invitation"], *asked)
+        return self._page("lti_registered.html", script=_CLOSE, code=_CLOSE, platform=platform)
 
     async def members(self, request: Request) -> Response:
         """Show who of the platforms' courses has cut, and who not yet, by the names that the platforms give now."""
@@ -228,11 +242,13 @@ class LtiPages:
         return self._site.page("lti_members.html", root="../", rosters=rosters)
 
     async def register(self, request: Request) -> Response:
-        """Add or remove a platform, or send grades again that were refused."""
+        """Add, invite or remove a platform, or send grades again that were refused."""
         return await self._in_thread(self._register, request, await request.form())
 
     def _register(self, request: Request, form: FormData) -> Response:
         do = text_of(form, "do")
+        if do == "invite":
+            return self._platforms(request, {}, invite=True)
         if do == "again":
             self._tool.grades.send_again()
         elif do == "drop":
@@ -244,7 +260,7 @@ class LtiPages:
             except (TypeError, ValueError) as error:
                 return self._platforms(request, filled, self._said(str(error)), 422)
         else:
-            raise HTTPException(422, f"do = {do!r} is none of add, drop, again.")
+            raise HTTPException(422, f"do = {do!r} is none of add, invite, drop, again.")
         return RedirectResponse("platforms", 303)
 
 

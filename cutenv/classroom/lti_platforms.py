@@ -181,13 +181,14 @@ class PlatformFile:
 
     def add(self, platform: Platform) -> None:
         """Add a platform, in place of an earlier registration of the same client; ValueError if the file is damaged."""
-        self._write([each for each in self._sound() if each.key != platform.key] + [platform])
+        self._write([each for each in self.sound() if each.key != platform.key] + [platform])
 
     def drop(self, issuer: str, client_id: str) -> None:
         """Remove a registration; ValueError if the file is damaged."""
-        self._write([each for each in self._sound() if each.key != (issuer, client_id)])
+        self._write([each for each in self.sound() if each.key != (issuer, client_id)])
 
-    def _sound(self) -> tuple[Platform, ...]:
+    def sound(self) -> tuple[Platform, ...]:
+        """Return the platforms; ValueError if the file is damaged."""
         known = self.platforms
         if self.trouble:  # it would be overwritten
             raise ValueError(self.trouble)

@@ -9,7 +9,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-from urllib.parse import parse_qsl, urlsplit
+from urllib.parse import parse_qsl, urlencode, urlsplit
 
 import pytest
 
@@ -19,11 +19,12 @@ pytest.importorskip("joserfc", reason="learning platforms are an extra: pip inst
 
 import uvicorn
 from class_room import CLOCK, TOKEN, Room
-from lti_platform import LearningPlatform, PlatformAnswer
+from lti_platform import CLIENT, LearningPlatform, PlatformAnswer
 
 from cutenv.classroom.class_server import class_app
 from cutenv.classroom.class_site import ClassSite
 from cutenv.classroom.lti_platforms import platform_of
+from cutenv.classroom.lti_registration import RegistrationDesk
 from cutenv.classroom.lti_tool import LtiTool
 from scripts.browsers import chromium
 
@@ -39,6 +40,12 @@ class Pages(PlatformAnswer):
             sent = self.server.initiation("u1", f"{self.server.tool}/lti/launch")
             form = f'<form method="post" action="{self.server.tool}/lti/login" target="{place.query}">{_fields(sent)}'
             self._page(f'{form}</form><iframe name="inside"></iframe><script>document.forms[0].submit()</script>')
+        elif place.path == "/administration":
+            told = "addEventListener('message', (event) => { document.title = JSON.stringify(event.data); });"
+            sent = {"openid_configuration": f"{self.server.issuer}/.well-known/openid-configuration"}
+            sent["registration_token"] = self.server.registration_token
+            address = html.escape(f"{self.server.tool}/lti/register/{place.query}?{urlencode(sent)}")
+            self._page(f'<script>{told}</script><iframe src="{address}"></iframe>')
         elif place.path == "/auth":
             asked = dict(parse_qsl(place.query))
             token = self.server.signers[0].token(self.server.claims(asked["nonce"], "u1"))
@@ -72,10 +79,18 @@ class Address:
 
 
 @pytest.fixture
-def platform(tmp_path: Path) -> Iterator[LearningPlatform]:
+def room(tmp_path: Path) -> Room:
+    return Room(tmp_path)
+
+
+@pytest.fixture
+def tool(room: Room) -> LtiTool:
+    return LtiTool(room.lesson)
+
+
+@pytest.fixture
+def platform(room: Room, tool: LtiTool) -> Iterator[LearningPlatform]:
     """A platform on one site of this machine, with which a class on another one is registered."""
-    room = Room(tmp_path)
-    tool = LtiTool(room.lesson)
     made = LearningPlatform(CLOCK, lambda: tool.key.public, host="localhost", answer=Pages)
     tool.file.add(platform_of(made.registration))
     app = class_app(ClassSite(lesson=room.lesson, secret=TOKEN, lti=tool))
@@ -126,3 +141,16 @@ def test_in_a_frame_of_the_platform_stands_the_way_to_a_window(
         found = [each["url"] for each in targets if each["url"].startswith(platform.tool)]
         time.sleep(0.05)
     assert found == [f"{platform.tool}/lti/login"], "and it goes no farther"
+
+
+def test_in_a_frame_of_the_platform_a_registration_asks_it_to_close_the_window(
+    browser: chromium.Browser, platform: LearningPlatform, tool: LtiTool
+) -> None:
+    platform.registered = {"client_id": "second"}
+    invitation = RegistrationDesk(tool, CLOCK, "class", {}).invite(platform.tool)
+    start: Any = Address(f"{platform.issuer}/administration?{invitation}")
+    browser.open(start, 900)
+    wait(browser, "document.title !== 'platform'")
+    assert json.loads(browser.value("document.title")) == {"subject": "org.imsglobal.lti.close"}
+    assert [each.client_id for each in tool.file.platforms] == [CLIENT, "second"]
+    assert not platform.troubles

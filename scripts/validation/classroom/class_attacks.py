@@ -202,6 +202,16 @@ ATTACKS = (
         "test_lti_members.py::test_pages_in_a_circle_and_to_another_server_end",
     ),
     (
+        "a platform that registers without the teacher's address, with an old one, or with one a second time",
+        "refused, and it is not asked",
+        "test_lti_registration.py::test_nobody_registers_without_an_address_that_the_teacher_made_within_an_hour",
+    ),
+    (
+        "a registration that speaks for another platform, or leads to another server or this machine",
+        "refused, and no token is sent there",
+        "test_lti_registration.py::test_a_platform_that_does_not_describe_itself_soundly_is_not_registered",
+    ),
+    (
         "a record of another program, for a grade",
         "no grade: cuts that the server computed count alone",
         "test_lti.py::test_no_record_of_another_program_and_no_other_course_is_a_grade",
