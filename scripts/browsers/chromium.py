@@ -26,7 +26,7 @@ _OPTIONS = (
     "--remote-debugging-pipe",
 )
 
-_KEYS = {"Tab": 9, " ": 32, "ArrowLeft": 37, "ArrowUp": 38, "ArrowRight": 39, "ArrowDown": 40}
+_KEYS = {"Tab": 9, "Enter": 13, " ": 32, "ArrowLeft": 37, "ArrowUp": 38, "ArrowRight": 39, "ArrowDown": 40}
 _WITHOUT_GRAPHICS = ("--disable-gpu",)
 _SOFTWARE_GRAPHICS = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 
@@ -142,11 +142,13 @@ class Browser:
 
     def press(self, key: str) -> None:
         """Press a key, named as in the DOM."""
-        self.tell("Input.dispatchKeyEvent", type="rawKeyDown", key=key, windowsVirtualKeyCode=_KEYS[key])
+        text = {"Enter": "\r"}.get(key, key if len(key) == 1 else "")
+        kind = {"type": "keyDown", "text": text} if text else {"type": "rawKeyDown"}
+        self.tell("Input.dispatchKeyEvent", **kind, key=key, windowsVirtualKeyCode=_number(key))
 
     def release(self, key: str) -> None:
         """Release a key."""
-        self.tell("Input.dispatchKeyEvent", type="keyUp", key=key, windowsVirtualKeyCode=_KEYS[key])
+        self.tell("Input.dispatchKeyEvent", type="keyUp", key=key, windowsVirtualKeyCode=_number(key))
 
     def accessible(self, role: str, name: str) -> int:
         """Count what a screen reader finds by its role and its whole name."""
@@ -184,6 +186,10 @@ class Browser:
         message, _, self._unread = self._unread.partition(b"\0")
         heard: dict[str, Any] = json.loads(message)
         return heard
+
+
+def _number(key: str) -> int:
+    return _KEYS[key] if key in _KEYS else ord(key.upper())
 
 
 @contextlib.contextmanager

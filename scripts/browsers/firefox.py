@@ -17,7 +17,14 @@ from scripts.browsers.chromium import PATIENCE_S
 
 PROGRAM = shutil.which("firefox-esr") or shutil.which("firefox")
 _ADDRESS = "WebDriver BiDi listening on "
-_KEYS = {"ArrowLeft": "\ue012", "ArrowUp": "\ue013", "ArrowRight": "\ue014", "ArrowDown": "\ue015", "Tab": "\ue004"}
+_KEYS = {
+    "ArrowLeft": "\ue012",
+    "ArrowUp": "\ue013",
+    "ArrowRight": "\ue014",
+    "ArrowDown": "\ue015",
+    "Tab": "\ue004",
+    "Enter": "\ue007",
+}
 _LIGHT = 'user_pref("layout.css.prefers-color-scheme.content-override", 1);\n'
 _DARK_MANIFEST = {
     "manifest_version": 2,

@@ -10,7 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from opened_page import Browser, fits_and_can_be_read, open_on_telephone, start, wait
+from opened_page import (
+    Browser, by_finger, by_keys, by_mouse, fits_and_can_be_read, lead_to_the_end, open_on_telephone, start, wait,
+)  # fmt: skip
 
 from scripts.validation.classroom import page_in_browsers
 
@@ -87,70 +89,13 @@ SHORT = specimen_data("liver", 0, 0, target_length=0.02)
 """A cut that a hand makes in some seconds."""
 
 
-def steps() -> Callable[[], float]:
-    """Steps of a hand that is as fast on a slow machine [px]."""
-    last = [time.monotonic()]
-
-    def step() -> float:
-        now = time.monotonic()
-        taken, last[0] = now - last[0], now
-        return min(max(60.0 * taken, 1.0), 15.0)
-
-    return step
-
-
-def by_mouse(page: Browser, x: float, y: float) -> Callable[[int], None]:
-    at, step = [x], steps()
-    page.move_mouse(x, y)
-
-    def lead(way: int) -> None:
-        at[0] += step() * way
-        page.move_mouse(at[0], y)
-
-    return lead
-
-
-def by_finger(page: Browser, x: float, y: float) -> Callable[[int], None]:
-    step = steps()
-
-    def lead(way: int) -> None:
-        length = step()
-        if way:
-            page.stroke([(x, y), (x + length * way, y)])
-
-    return lead
-
-
-def by_keys(page: Browser, _x: float, _y: float) -> Callable[[int], None]:
-    held: list[str] = []
-
-    def lead(way: int) -> None:
-        wanted = [{1: "ArrowRight", -1: "ArrowLeft"}[way]] if way else []
-        if held != wanted:
-            for key in held:
-                page.release(key)
-            for key in wanted:
-                page.press(key)
-            held[:] = wanted
-
-    return lead
-
-
 @pytest.mark.parametrize("device", [by_mouse, by_finger, by_keys])
 def test_a_whole_cut_is_finished_and_ends_with_a_card(
     page: Browser, device: Callable[..., Callable[[int], None]]
 ) -> None:
     page.value(f"void (cutenvPage.told.specimens[0] = {json.dumps(SHORT)})")
     page.value("void document.getElementById('specimen').dispatchEvent(new Event('change'))")
-    lead = device(page, *start(page))
-    way = 1
-    while True:
-        now = "(({ phase, cut }) => [phase, cut.target - cut.tip, cut.last('force')])(cutenvPage.page)"
-        phase, left, force = page.value(now)
-        if phase != "cutting":
-            break
-        way = 1 if way == 1 and left > 0.001 else -1 if force > 0.2 else 0
-        lead(way)
+    lead_to_the_end(page, device(page, *start(page)))
     assert page.value("cutenvPage.page.cut.end") == "finished"
     assert page.value("document.getElementById('verdict').textContent").startswith("Finished: ")
     assert page.value("document.getElementById('results').children.length") == 10
