@@ -11,7 +11,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from opened_page import (
-    Browser, by_finger, by_keys, by_mouse, fits_and_can_be_read, lead_to_the_end, open_on_telephone, start, wait,
+    Browser,
+    by_finger,
+    by_keys,
+    by_mouse,
+    fits_and_can_be_read,
+    lead_to_the_end,
+    open_on_telephone,
+    start,
+    wait,
 )  # fmt: skip
 
 from scripts.validation.classroom import page_in_browsers
