@@ -41,6 +41,19 @@ CUT = """(async () => {
 })()"""
 
 
+TO_THE_END = re.sub(
+    r"while \(cut.blade.*\n",
+    """let back = false;
+  while (!cut.end) {
+    back ||= cut.tip > cut.target - 0.001;
+    cut.advance([[cut.hand + (back ? cut.last("force") > 0.2 ? -1e-5 : 0 : 1e-5), 0.5 * Math.PI]]);
+  }
+""",
+    CUT,
+)
+"""The same, back from the target until little pulls, and at rest until the cut has ended."""
+
+
 class Address:
     """An address, where the browser's driver wants a path."""
 
@@ -199,6 +212,32 @@ def test_an_educators_way(browser: chromium.Browser, served: Served, tmp_path: P
     assert store.pass_mark("") is not None
     store.close()
     assert main(["serve", str(tmp_path / "restored"), "--restore", str(backup)]) == 2, "it is not empty any more"
+
+
+def test_the_last_card_of_a_course_stays_when_nothing_comes_next(browser: chromium.Browser, tmp_path: Path) -> None:
+    course = 'name = "short"\n[[task]]\nname = "liver"\nspecimen_class = "liver"\ntarget_length_mm = 20\nseeds = [5]\n'
+    (tmp_path / "short.toml").write_text(course, encoding="utf-8")
+    served = Served(tmp_path / "class", "--course", str(tmp_path / "short.toml"))
+    teacher = served.client()
+    teacher.post("teacher", data={"token": served.token})
+    teacher.post("teacher/codes", data={"count": "1"})
+    (code,) = re.findall(r"people/(\w+)", teacher.get("teacher").text)
+    address: Any = Address(served.address)
+    browser.open(address, 1100)
+    browser.value(f"document.querySelector('[name=code]').value = '{code}'")
+    browser.value("document.querySelector('[name=consent]').checked = true")
+    browser.value("document.querySelector('button.first').click()")
+    wait(browser, "window.cutenvPage?.page?.cut")
+    assert "This cut counts." in browser.value(TO_THE_END)
+    shown = "['results', 'tries', 'kept'].map(name => document.getElementById(name).textContent)"
+    before = browser.value(shown)
+    browser.value("document.getElementById('start').click()")
+    wait(browser, "cutenvPage.page.done && !cutenvPage.page.busy")
+    assert "all 1 tasks are done" in browser.value("document.getElementById('course').textContent")
+    assert all(before)
+    assert browser.value(shown) == before
+    assert browser.value("document.getElementById('start').disabled") is True
+    served.end()
 
 
 @pytest.mark.parametrize("dark", [False, True])

@@ -22,11 +22,16 @@
   // A server hands out each specimen, and says what is shown of the force; the page alone has its own.
   async function prepare() {
     if (told.served) {
-      page.handedOut = await ask("POST", "cuts");
+      const handedOut = await ask("POST", "cuts");
+      if (handedOut.status === 401) location.assign("."); // nobody was seen here for long
+      page.done = !handedOut.records;
+      if (page.done && page.kept) { // its card stays
+        byId("course").textContent = reason(handedOut) ?? handedOut.ahead?.[document.documentElement.lang] ?? "";
+        return;
+      }
+      page.handedOut = handedOut;
       page.kept = null;
-      if (page.handedOut.status === 401) location.assign("."); // nobody was seen here for long
       sayCourse();
-      page.done = !page.handedOut.records;
       if (page.done) { show(); return; }
     }
     const specimen = page.handedOut ?? told.specimens[page.chosen];
@@ -137,7 +142,7 @@
     if (page.phase === "ended") {
       page.busy = true;
       try { await prepare(); } finally { page.busy = false; }
-      if (page.done || page.phase !== "ready") return;
+      if (page.done || page.phase !== "ready") { show(); return; }
     }
     if (told.served && !await begun()) return;
     page.phase = "countdown";
