@@ -23,6 +23,8 @@ from cutenv.tissue.specimen import LENGTH, N_POINTS, SPACING, Specimen
 ANGLE_RANGE = (math.radians(45.0), math.radians(90.0))
 """Measured angles of the blade [rad]."""
 
+_MOST_TICKS = 10**7  # of one call
+_NONE_ACROSS: Array = np.zeros(0)  # forces across the cut of a motion that has none
 _ANGLE_LOW, _ANGLE_HIGH = ANGLE_RANGE[0] - 1e-9, ANGLE_RANGE[1] + 1e-9  # slack for rounding through degrees and back
 MAX_SPEED = 0.5
 """Largest commanded speed [m/s]."""
@@ -109,10 +111,13 @@ class SimulatedPlant:
         name, largest, unit, cure = self.further
         if not -largest <= further <= largest:
             in_range(name, further, -largest, largest, unit, cure)
-        if in_range("ticks", ticks, 1, 10**7, "1", "Give a whole number of milliseconds.") % 1.0:
-            raise ValueError(f"ticks = {ticks:g} is not a whole number of milliseconds.")
-        readings = np.zeros(int(ticks), READING)
-        self._across = np.zeros(0 if self.motion is STRAIGHT else int(ticks))
+        if type(ticks) is not int or not 1 <= ticks <= _MOST_TICKS:
+            whole = "Give a whole number of milliseconds."
+            if in_range("ticks", ticks, 1, _MOST_TICKS, "1", whole) % 1.0:
+                raise ValueError(f"ticks = {ticks:g} is not a whole number of milliseconds.")
+            ticks = int(ticks)
+        readings = np.zeros(ticks, READING)
+        self._across = _NONE_ACROSS if self.motion is STRAIGHT else np.zeros(ticks)
         hold(self.motion)(self.cuts, self.shared, (speed, angle, further), readings, self._across)
         return readings
 

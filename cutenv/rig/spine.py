@@ -207,7 +207,7 @@ class Spine:
     def force(self, sample: ForceSample) -> None:
         """Take a reading of the force sensor."""
         try:
-            self._take_force(sample._replace(time=self.clock.now()))
+            self._take_force(ForceSample(self.clock.now(), *sample[1:]))
         except Exception as error:
             self._failed(f"a reading of the sensor cannot be judged: {type(error).__name__}: {error}")
 
@@ -227,7 +227,7 @@ class Spine:
     def motion(self, axis: str, sample: MotionSample) -> None:
         """Take a sample of an axis."""
         try:
-            self._take_motion(axis, sample._replace(time=self.clock.now()))
+            self._take_motion(axis, MotionSample(self.clock.now(), *sample[1:]))
         except Exception as error:
             self._failed(f"a sample of the {axis} axis cannot be judged: {type(error).__name__}: {error}")
 

@@ -166,6 +166,12 @@ class _Due:
             heapq.heappop(self._heap)
         return self._heap[0][0] if self._heap else None
 
+    def postpone(self) -> _Turn:
+        """Let the first action be due again after its period; return it."""
+        moment, _, turn = self._heap[0]
+        heapq.heapreplace(self._heap, (moment + turn.period, next(self._order), turn))
+        return turn
+
     def take(self) -> tuple[float, _Turn]:
         """Remove the first action; return when it is due [s], and it."""
         moment, _, turn = heapq.heappop(self._heap)
@@ -233,10 +239,8 @@ class FakeClock:
     def sleep_until(self, moment: float) -> float:
         """Move on to ``moment`` [s], running due actions on the way."""
         while (first := self._due.first()) is not None and first <= moment:
-            due, turn = self._due.take()
-            self._now = max(self._now, due)
-            self._due.add(due + turn.period, turn)
-            turn.action(self._now)
+            self._now = max(self._now, first)
+            self._due.postpone().action(self._now)
         self._now = max(self._now, moment)
         return self._now
 

@@ -120,11 +120,13 @@ class ForceMonitor:
     def check(self, sample: ForceSample, *, moving: bool = False) -> Breach | None:
         """Check a reading of a blade that is commanded to move or to rest; return the breach found, or None."""
         last, self.newest = self.newest, sample
-        norm = math.hypot(*sample.force)
+        x, y, z = sample.force
+        norm = math.hypot(x, y, z)
         self._forces.append(sample.force)
-        self._equal = self._equal + 1 if last is not None and last.counts == sample.counts else 0
+        counts, before = sample.counts, None if last is None else last.counts
+        self._equal = self._equal + 1 if counts == before else 0
         for axis in self._live:
-            same = last is not None and last.counts[axis] == sample.counts[axis]
+            same = before is not None and before[axis] == counts[axis]
             self._stood[axis] = self._stood[axis] + moving if same else 0  # a pause of the blade does not reset it
         if len(self._losses) == self._losses.maxlen:
             self._lost -= self._losses[0]
@@ -145,7 +147,7 @@ class ForceMonitor:
         if last is not None and (sample.sequence - last.sequence - 1 - sample.lost) % SEQUENCES:
             counts = f"{sample.sequence} comes after {last.sequence}"
             return Breach(Cause.FORCE_STATUS, f"the sensor was restarted, its zero may be gone: reading {counts}")
-        if not max(map(abs, sample.force)) <= limits.force:
+        if not max(abs(x), abs(y), abs(z)) <= limits.force:
             return Breach(Cause.FORCE, f"{_newtons(sample)} beyond {limits.force:g} N in an axis")
         if (height := self._height) is not None and self._lifted_too_much(height, sample.force):
             up = f"{height.felt(sample.force):+.2f} N upwards"
