@@ -123,10 +123,10 @@ class ForceMonitor:
         x, y, z = sample.force
         norm = math.hypot(x, y, z)
         self._forces.append(sample.force)
-        counts, before = sample.counts, None if last is None else last.counts
-        self._equal = self._equal + 1 if counts == before else 0
+        read, before = sample.counts, None if last is None else last.counts
+        self._equal = self._equal + 1 if read == before else 0
         for axis in self._live:
-            same = before is not None and before[axis] == counts[axis]
+            same = before is not None and before[axis] == read[axis]
             self._stood[axis] = self._stood[axis] + moving if same else 0  # a pause of the blade does not reset it
         if len(self._losses) == self._losses.maxlen:
             self._lost -= self._losses[0]
