@@ -37,12 +37,19 @@ settings.load_profile("exploring" if os.environ.get("CUTENV_EXPLORE") else "repe
 
 
 @pytest.fixture(scope="session")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    """One browser for every test of a page; one with 3-D graphics is another."""
+def opened_chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """One Chromium for every test of a page; one with 3-D graphics is another."""
     from scripts.browsers import chromium  # from scripts/, which a copy of this file elsewhere does not have
 
     with chromium.browser(tmp_path_factory.mktemp("profile")) as opened:
         yield opened
+
+
+@pytest.fixture
+def browser(opened_chromium: Any) -> Iterator[Any]:
+    """The browser, which leaves the page after the test."""
+    yield opened_chromium
+    opened_chromium.leave()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

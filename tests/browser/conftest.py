@@ -8,19 +8,27 @@ from pathlib import Path
 import pytest
 from opened_page import Browser, wait
 
-from scripts.browsers import chromium, firefox
+from scripts.browsers import firefox
 
 BROWSERS = [pytest.param(name, marks=pytest.mark.needs(name.lower())) for name in ("Chromium", "Firefox")]
 
 
 @pytest.fixture(scope="session", params=BROWSERS)
-def browser(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+def opened(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
     """One browser of each kind for every test of the page."""
-    if request.param == "Firefox":
-        pytest.importorskip("websockets", reason="talks to Firefox in the tests: pip install 'cutenv[dev]'")
-    driver = {"Chromium": chromium, "Firefox": firefox}[request.param]
-    with driver.browser(tmp_path_factory.mktemp("profile")) as opened:
-        yield opened
+    if request.param == "Chromium":
+        yield request.getfixturevalue("opened_chromium")
+        return
+    pytest.importorskip("websockets", reason="talks to Firefox in the tests: pip install 'cutenv[dev]'")
+    with firefox.browser(tmp_path_factory.mktemp("profile")) as firefox_opened:
+        yield firefox_opened
+
+
+@pytest.fixture
+def browser(opened: Browser) -> Iterator[Browser]:
+    """The browser, which leaves the page after the test."""
+    yield opened
+    opened.leave()
 
 
 @pytest.fixture
