@@ -309,6 +309,8 @@ def test_the_command_plays_a_script_records_it_and_saves_a_picture(
         "--specimen-class",
         "uniform",
         "--practice",
+        "--target-length",
+        "50mm",
         "--tissue",
         str(tissue),
     ]
