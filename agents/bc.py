@@ -13,11 +13,11 @@ from pathlib import Path
 import torch
 from tqdm import tqdm
 
-from cutenv.learning.arguments import BCArguments
-from cutenv.learning.bc import Clone
-from cutenv.learning.cloning import Cloning, script_demonstrations
-from cutenv.learning.progress import validate
-from cutenv.learning.run_folder import export, record_run, run_program
+from cutenv.agents.learning.arguments import BCArguments
+from cutenv.agents.learning.bc import Clone
+from cutenv.agents.learning.cloning import Cloning, script_demonstrations
+from cutenv.agents.learning.progress import validate
+from cutenv.agents.learning.run_folder import export, record_run, run_program
 
 
 def train(arguments: BCArguments, run: Path) -> None:

@@ -14,12 +14,12 @@ from pathlib import Path
 import torch
 from sb3_contrib import CrossQ
 
-from cutenv.learning.arguments import CrossQArguments
-from cutenv.learning.asymmetric_actors import AsymmetricCrossQPolicy
-from cutenv.learning.cloning import script_demonstrations
-from cutenv.learning.off_policy import imitate, network, off_policy_keywords, remember
-from cutenv.learning.progress import Progress
-from cutenv.learning.run_folder import export, record_run, run_program
+from cutenv.agents.learning.arguments import CrossQArguments
+from cutenv.agents.learning.asymmetric_actors import AsymmetricCrossQPolicy
+from cutenv.agents.learning.cloning import script_demonstrations
+from cutenv.agents.learning.off_policy import imitate, network, off_policy_keywords, remember
+from cutenv.agents.learning.progress import Progress
+from cutenv.agents.learning.run_folder import export, record_run, run_program
 
 
 def train(arguments: CrossQArguments, run: Path) -> None:

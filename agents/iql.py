@@ -4,7 +4,7 @@
     python agents/iql.py --epochs 10 --name mine
 
 ``cutenv train --learner iql`` makes the same policy, with --resume, an evaluation and a report, and also learns from a
-Minari data set (--dataset).  The losses are in ``cutenv/learning/iql.py``.
+Minari data set (--dataset).  The losses are in ``cutenv/agents/learning/iql.py``.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from pathlib import Path
 import torch
 from tqdm import tqdm
 
-from cutenv.learning.arguments import IQLArguments
-from cutenv.learning.iql import Agent, ImplicitQLearning, transition_data
-from cutenv.learning.progress import validate
-from cutenv.learning.run_folder import export, record_run, run_program
+from cutenv.agents.learning.arguments import IQLArguments
+from cutenv.agents.learning.iql import Agent, ImplicitQLearning, transition_data
+from cutenv.agents.learning.progress import validate
+from cutenv.agents.learning.run_folder import export, record_run, run_program
 
 
 def train(arguments: IQLArguments, run: Path) -> None:

@@ -5,7 +5,7 @@
     cutenv evaluate runs/mine/policy "return stroke"
 
 ``cutenv train`` does the same, with --resume, --quick, an evaluation with every baseline and a report; with the same
-options both make the same policy, bit for bit.  The options are explained in ``cutenv/learning/arguments.py``.
+options both make the same policy, bit for bit.  The options are explained in ``cutenv/agents/learning/arguments.py``.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from pathlib import Path
 import torch
 from stable_baselines3 import PPO
 
-from cutenv.learning.arguments import PPOArguments
-from cutenv.learning.asymmetric_actors import AsymmetricActorCritic
-from cutenv.learning.cloning import Cloning, script_demonstrations
-from cutenv.learning.on_policy import FallingRate
-from cutenv.learning.progress import Progress
-from cutenv.learning.run_folder import export, record_run, run_program
-from cutenv.policy import Network
+from cutenv.agents.learning.arguments import PPOArguments
+from cutenv.agents.learning.asymmetric_actors import AsymmetricActorCritic
+from cutenv.agents.learning.cloning import Cloning, script_demonstrations
+from cutenv.agents.learning.on_policy import FallingRate
+from cutenv.agents.learning.progress import Progress
+from cutenv.agents.learning.run_folder import export, record_run, run_program
+from cutenv.agents.policy import Network
 
 
 def train(arguments: PPOArguments, run: Path) -> None:
@@ -29,8 +29,8 @@ def train(arguments: PPOArguments, run: Path) -> None:
     torch.set_num_threads(1)
     facts = record_run(arguments, run, "PPO")
 
-    # A thousand cuts at once (a FeatureVecEnv of cutenv.sb3).  The actor sees features of the observations; the hidden
-    # state after them is for the critic alone.
+    # A thousand cuts at once (a FeatureVecEnv of cutenv.agents.sb3).  The actor sees features of the observations; the
+    # hidden state after them is for the critic alone.
     environments = arguments.training_environments()
     model = PPO(
         AsymmetricActorCritic,

@@ -4,12 +4,12 @@
     python agents/ppo_gru.py --env cutenv/PathCut-v1 --seed 3              another task
     python agents/ppo_gru.py --env cutenv/GentleCutRaw-v1 --control-hz 0   a track, which takes no keyword
 
-It needs cutenv's environment, gymnasium, numpy and torch, and nothing from cutenv.learning.  One observation does not
-tell the crack tip; the GRU may keep what earlier ones told.  Actor and critic both see the observation and the memory,
-and no more.  The memory is empty where a cut begins.  It is trained by truncated backpropagation through time: the
-rollout is divided into chunks, each begins with the memory that the rollout had there, and gradients end at its start.
-The standard deviation of the actions is not learned but falls on a schedule, so that at last the mean action, which is
-what is evaluated, does without the noise.
+It needs cutenv's environment, gymnasium, numpy and torch, and nothing from cutenv.agents.learning.  One observation
+does not tell the crack tip; the GRU may keep what earlier ones told.  Actor and critic both see the observation and the
+memory, and no more.  The memory is empty where a cut begins.  It is trained by truncated backpropagation through time:
+the rollout is divided into chunks, each begins with the memory that the rollout had there, and gradients end at its
+start. The standard deviation of the actions is not learned but falls on a schedule, so that at last the mean action,
+which is what is evaluated, does without the noise.
 What it gets is on the page docs/results/memory-gap.md.
 """
 

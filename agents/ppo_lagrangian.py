@@ -21,16 +21,16 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
+from cutenv.agents.learning.arguments import BadArguments, PPOArguments
+from cutenv.agents.learning.asymmetric_actors import AsymmetricActorCritic
+from cutenv.agents.learning.cloning import Cloning, demonstrations
+from cutenv.agents.learning.on_policy import sb3_keywords
+from cutenv.agents.learning.options import option
+from cutenv.agents.learning.progress import Progress
+from cutenv.agents.learning.run_folder import export, record_run, run_program
+from cutenv.agents.policy import Network, OneReturnStroke
+from cutenv.agents.sb3 import FeatureVecEnv
 from cutenv.envs.tracks import COST_BUDGET_MM
-from cutenv.learning.arguments import BadArguments, PPOArguments
-from cutenv.learning.asymmetric_actors import AsymmetricActorCritic
-from cutenv.learning.cloning import Cloning, demonstrations
-from cutenv.learning.on_policy import sb3_keywords
-from cutenv.learning.options import option
-from cutenv.learning.progress import Progress
-from cutenv.learning.run_folder import export, record_run, run_program
-from cutenv.policy import Network, OneReturnStroke
-from cutenv.sb3 import FeatureVecEnv
 
 
 @dataclass(frozen=True, kw_only=True)

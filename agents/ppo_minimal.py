@@ -3,10 +3,11 @@
     python agents/ppo_minimal.py                          about two minutes on one core
     python agents/ppo_minimal.py --total-decisions 200000 --seed 3
 
-It needs cutenv's environment, gymnasium, numpy and torch, and nothing from cutenv.learning.  It sees the 12 numbers of
-the observation and learns by trial alone: no features, no demonstrations, and a critic that sees no more than the
-actor.  Doing nothing earns -0.1.  What learners get from these numbers is on the page docs/results/stock-learners.md.
-The agent of ``cutenv train`` has all of these: its demonstrations alone bring it to 0.75.
+It needs cutenv's environment, gymnasium, numpy and torch, and nothing from cutenv.agents.learning.  It sees the 12
+numbers of the observation and learns by trial alone: no features, no demonstrations, and a critic that sees no more
+than the actor.  Doing nothing earns -0.1.  What learners get from these numbers is on the page
+docs/results/stock-learners.md. The agent of ``cutenv train`` has all of these: its demonstrations alone bring it to
+0.75.
 """
 
 from __future__ import annotations

@@ -14,13 +14,13 @@ from pathlib import Path
 import torch
 from sb3_contrib import RecurrentPPO
 
-from cutenv.learning.arguments import RecurrentPPOArguments
-from cutenv.learning.asymmetric_actors import RecurrentAsymmetricActorCritic
-from cutenv.learning.cloning import Cloning, script_demonstrations
-from cutenv.learning.on_policy import sb3_keywords
-from cutenv.learning.progress import Progress
-from cutenv.learning.run_folder import export, record_run, run_program
-from cutenv.policy import RecurrentNetwork
+from cutenv.agents.learning.arguments import RecurrentPPOArguments
+from cutenv.agents.learning.asymmetric_actors import RecurrentAsymmetricActorCritic
+from cutenv.agents.learning.cloning import Cloning, script_demonstrations
+from cutenv.agents.learning.on_policy import sb3_keywords
+from cutenv.agents.learning.progress import Progress
+from cutenv.agents.learning.run_folder import export, record_run, run_program
+from cutenv.agents.policy import RecurrentNetwork
 
 
 def train(arguments: RecurrentPPOArguments, run: Path) -> None:

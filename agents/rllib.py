@@ -27,13 +27,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cutenv.learning.options import check_ranges, option, parse
-from cutenv.learning.rllib_env import RunnerEnv
-from cutenv.learning.run_folder import origin, write_facts
-from cutenv.learning.seeds import ENVIRONMENT, TRAINING_SEEDS
-from cutenv.learning.statistics import write_csv
-from cutenv.policy import Network, save_policy
-from cutenv.tissue.specimen import CLASSES
+from cutenv.agents.learning.options import check_ranges, option, parse
+from cutenv.agents.learning.rllib_env import RunnerEnv
+from cutenv.agents.learning.run_folder import origin, write_facts
+from cutenv.agents.learning.seeds import ENVIRONMENT, TRAINING_SEEDS
+from cutenv.agents.learning.statistics import write_csv
+from cutenv.agents.policy import Network, save_policy
+from cutenv.sim.tissue.specimen import CLASSES
 
 if TYPE_CHECKING:
     from ray.rllib.algorithms.ppo import PPO

@@ -15,13 +15,13 @@ import torch
 from stable_baselines3 import SAC
 from stable_baselines3.common.buffers import NStepReplayBuffer
 
-from cutenv.learning.arguments import SACArguments
-from cutenv.learning.asymmetric_actors import AsymmetricSACPolicy
-from cutenv.learning.cloning import script_demonstrations
-from cutenv.learning.off_policy import imitate, network, remember
-from cutenv.learning.on_policy import FallingRate
-from cutenv.learning.progress import Progress
-from cutenv.learning.run_folder import export, record_run, run_program
+from cutenv.agents.learning.arguments import SACArguments
+from cutenv.agents.learning.asymmetric_actors import AsymmetricSACPolicy
+from cutenv.agents.learning.cloning import script_demonstrations
+from cutenv.agents.learning.off_policy import imitate, network, remember
+from cutenv.agents.learning.on_policy import FallingRate
+from cutenv.agents.learning.progress import Progress
+from cutenv.agents.learning.run_folder import export, record_run, run_program
 
 
 def train(arguments: SACArguments, run: Path) -> None:

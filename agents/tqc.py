@@ -14,12 +14,12 @@ from pathlib import Path
 import torch
 from sb3_contrib import TQC
 
-from cutenv.learning.arguments import TQCArguments
-from cutenv.learning.asymmetric_actors import AsymmetricTQCPolicy
-from cutenv.learning.cloning import script_demonstrations
-from cutenv.learning.off_policy import imitate, network, off_policy_keywords, remember
-from cutenv.learning.progress import Progress
-from cutenv.learning.run_folder import export, record_run, run_program
+from cutenv.agents.learning.arguments import TQCArguments
+from cutenv.agents.learning.asymmetric_actors import AsymmetricTQCPolicy
+from cutenv.agents.learning.cloning import script_demonstrations
+from cutenv.agents.learning.off_policy import imitate, network, off_policy_keywords, remember
+from cutenv.agents.learning.progress import Progress
+from cutenv.agents.learning.run_folder import export, record_run, run_program
 
 
 def train(arguments: TQCArguments, run: Path) -> None:

@@ -33,24 +33,12 @@ for _track in ("SafeCut", "GentleCutRaw"):
         vector_entry_point=f"cutenv.envs.tracks:{_track}VectorEnv",
     )
 gymnasium.register(id="cutenv/FreeCut-v1", entry_point="cutenv.envs.free_cut:FreeCutEnv")
-_LAZY = (
-    "envs",
-    "measurement",
-    "plant",
-    "policy",
-    "recording",
-    "report",
-    "rig",
-    "scoring",
-    "sim_to_real",
-    "tissue",
-    "trace",
-    "viewer",
-)
+WINGS = ("agents", "commands", "display", "envs", "people", "records", "rig", "sim", "task", "vision")
+"""Packages of the first level, imported when they are used."""
 
 
 def __getattr__(name: str) -> Any:
-    if name in _LAZY:
+    if name in WINGS:
         return importlib.import_module(f"cutenv.{name}")
     if name == "make":
         return gymnasium.make
@@ -58,4 +46,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted(["__version__", "make", "register", *_LAZY])
+    return sorted(["__version__", "make", "register", *WINGS])

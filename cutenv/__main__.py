@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cutenv.cli import main
+from cutenv.commands.cli import main
 
 if __name__ == "__main__":
     raise SystemExit(main())

@@ -7,9 +7,9 @@ import gymnasium
 import numpy as np
 
 import cutenv  # registers the environments
-from cutenv.measurement import calibrate
-from cutenv.plant import Leg, SimulatedPlant, run, to_trace
-from cutenv.tissue import Specimen
+from cutenv.records.measurement import calibrate
+from cutenv.sim.plant import Leg, SimulatedPlant, run, to_trace
+from cutenv.sim.tissue import Specimen
 
 traces, moduli, resistances = [], [], []
 for number in range(12):

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from cutenv.measurement import estimate_fracture_resistance, estimate_local_effective_moduli
-from cutenv.plant import Leg, SimulatedPlant, run, to_trace
-from cutenv.tissue import Specimen
+from cutenv.records.measurement import estimate_fracture_resistance, estimate_local_effective_moduli
+from cutenv.sim.plant import Leg, SimulatedPlant, run, to_trace
+from cutenv.sim.tissue import Specimen
 
 specimen = Specimen.homogeneous(modulus=51e3, fracture_resistance=211.0, depth=0.02)
 plant = SimulatedPlant(specimen)

@@ -4,7 +4,7 @@ import gymnasium
 import numpy as np
 
 import cutenv  # registers the environments
-from cutenv.policy import ConstantFeed
+from cutenv.agents.policy import ConstantFeed
 
 env = gymnasium.make("cutenv/RigCut-v1", rig="fake", target_length=0.08)  # or "emulator", or "my_rig.toml"
 policy = ConstantFeed(speed=0.0127, angle=1.31)

@@ -4,7 +4,7 @@ import gymnasium
 import numpy as np
 
 import cutenv  # registers the environments
-from cutenv.policy import TipEstimate
+from cutenv.agents.policy import TipEstimate
 from cutenv.task.observation import OFFSETS, SCALES, to_action
 
 UPRIGHT = np.pi / 2

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from cutenv.measurement import estimate_fracture_resistance
-from cutenv.plant import Leg, SimulatedPlant, run, to_trace
-from cutenv.recording import ColumnMap, load_foreign
-from cutenv.tissue import Specimen
+from cutenv.records import ColumnMap, load_foreign
+from cutenv.records.measurement import estimate_fracture_resistance
+from cutenv.sim.plant import Leg, SimulatedPlant, run, to_trace
+from cutenv.sim.tissue import Specimen
 
 specimen = Specimen.homogeneous(modulus=38e3, fracture_resistance=240.0, depth=0.02)
 plant = SimulatedPlant(specimen)

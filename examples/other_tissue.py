@@ -7,8 +7,8 @@ import gymnasium
 import numpy as np
 
 import cutenv  # registers the environments
-from cutenv.policy import ConstantFeed
-from cutenv.tissue import measured_liver
+from cutenv.agents.policy import ConstantFeed
+from cutenv.sim.tissue import measured_liver
 
 soft = dataclasses.replace(
     measured_liver(),

@@ -4,8 +4,8 @@ import gymnasium
 import numpy as np
 
 import cutenv  # registers the environments
-from cutenv.learning.seeds import TEST_SEEDS
-from cutenv.policy import ConstantFeed, StopAndUnload
+from cutenv.agents.learning.seeds import TEST_SEEDS
+from cutenv.agents.policy import ConstantFeed, StopAndUnload
 from cutenv.task.observation import to_action
 
 

@@ -8,7 +8,7 @@ import gymnasium
 import numpy as np
 
 import cutenv  # registers the environments
-from cutenv.policy import FastThenSlow
+from cutenv.agents.policy import FastThenSlow
 
 os.environ["MINARI_DATASETS_PATH"] = os.path.abspath("datasets")  # instead of ~/.minari/datasets
 try:

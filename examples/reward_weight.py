@@ -4,7 +4,7 @@ import gymnasium
 import numpy as np
 
 import cutenv  # registers the environments
-from cutenv.policy import ConstantFeed
+from cutenv.agents.policy import ConstantFeed
 
 
 def cut(**weights: float) -> tuple[float, float]:

@@ -1,9 +1,9 @@
 """Record a cut as CSV, load it, and score it as a person's cut would be scored."""
 
-from cutenv.plant import Leg, SimulatedPlant, run, to_trace
-from cutenv.recording import load_one, save
-from cutenv.scoring import ReferenceSet, score
-from cutenv.tissue import Specimen
+from cutenv.records import load_one, save
+from cutenv.records.scoring import ReferenceSet, score
+from cutenv.sim.plant import Leg, SimulatedPlant, run, to_trace
+from cutenv.sim.tissue import Specimen
 
 plant = SimulatedPlant(Specimen.drawn(3))
 legs = [

@@ -4,7 +4,7 @@ import gymnasium
 import numpy as np
 
 import cutenv  # registers the environments
-from cutenv.policy import ConstantFeed
+from cutenv.agents.policy import ConstantFeed
 
 env = gymnasium.make("cutenv/GentleCut-v1", specimen_class="liver", target_length=0.08)
 policy = ConstantFeed(speed=0.0127, angle=1.31)  # 1.27 cm/s, 75 degrees

@@ -8,11 +8,11 @@ try:
     import torch
     from stable_baselines3 import PPO
 
-    from cutenv.sb3 import NativeVecEnv
+    from cutenv.agents.sb3 import NativeVecEnv
 except ModuleNotFoundError as error:
     sys.exit(f"{error.name} is not installed: pip install 'cutenv[rl]'")
 
-from cutenv.sb3 import NativeVecEnv
+from cutenv.agents.sb3 import NativeVecEnv
 
 torch.set_num_threads(1)  # two pools of threads get in each other's way
 envs = NativeVecEnv(range(64), specimen_class="uniform", target_length=0.08, control_hz=10)

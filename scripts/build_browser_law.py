@@ -10,7 +10,7 @@ Another Python or Numba may give other instructions for the same arithmetic.
 Numba translates the kernels to LLVM's intermediate code, without optimising and for no processor in particular;
 llvmlite's own back end makes WebAssembly of it, and the linker comes from the wheel ``ziglang``.  Nothing is computed
 anew: the arithmetic is that of IEEE 754 in the order of the source, so its results are Python's to the last bit
-(tests/browser).  Calls of Python and of Numba's runtime, all in branches that are never taken, become traps.
+(tests/people/browser).  Calls of Python and of Numba's runtime, all in branches that are never taken, become traps.
 """
 
 from __future__ import annotations
@@ -69,8 +69,8 @@ def intermediate_code(task: str) -> str:
         from numba.core import types
         from numba.np.numpy_support import from_dtype
 
-        from cutenv.browser.stylus_steps import LeadingHand, follow_hand
-        from cutenv.cutting.dtypes import READING
+        from cutenv.people.browser.stylus_steps import LeadingHand, follow_hand
+        from cutenv.sim.cutting.dtypes import READING
         from cutenv.task.declare import OneCut
 
         library: Any = numba  # which has no types

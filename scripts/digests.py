@@ -5,7 +5,7 @@
 
 Prints the name of every digest that moved.  A name says what it is of: ``gentle/single/script/info`` are the infos of
 single environments of gentle cutting under a script.  With ``--quick`` there are fewer specimens, and digests of their
-own.  The digests are in ``tests/environment/digests.json``, by portability: "portable" ones are the same on every
+own.  The digests are in ``tests/envs/digests.json``, by portability: "portable" ones are the same on every
 machine, those from "here" depend on the libraries for linear algebra and learning, and may move on another processor.
 """
 
@@ -30,17 +30,17 @@ import gymnasium
 import numpy as np
 
 import cutenv  # noqa: F401  registers the environments
-from cutenv.plant import DescendingPlant, FreehandPlant, SimulatedPlant, SteeredPlant
-from cutenv.policy import ConstantFeed, PlannerNominal, ProbeAndCreep
-from cutenv.policy.depth_policies import FollowDepth
-from cutenv.policy.interface import ArrayPolicy, script_of
-from cutenv.policy.path_policies import BladeOnLine
+from cutenv.agents.policy import ConstantFeed, PlannerNominal, ProbeAndCreep
+from cutenv.agents.policy.depth_policies import FollowDepth
+from cutenv.agents.policy.interface import ArrayPolicy, script_of
+from cutenv.agents.policy.path_policies import BladeOnLine
+from cutenv.sim.plant import DescendingPlant, FreehandPlant, SimulatedPlant, SteeredPlant
+from cutenv.sim.tissue import Specimen
+from cutenv.sim.tissue.lines import arc, s_shape
 from cutenv.task import registry
-from cutenv.tissue import Specimen
-from cutenv.tissue.lines import arc, s_shape
 from scripts import ROOT
 
-FILE = ROOT / "tests" / "environment" / "digests.json"
+FILE = ROOT / "tests" / "envs" / "digests.json"
 DECISIONS, HOLD = 60, 4  # of a cut by random actions
 UPRIGHT = np.pi / 2
 Digests = Iterator[tuple[str, str]]
@@ -415,7 +415,7 @@ def program_digests(quick: bool) -> Digests:
     """Yield digests of the programs that the page carries, and of the names that they export."""
     import wasmtime
 
-    from cutenv.browser.page_alone import law_of
+    from cutenv.people.browser.page_alone import law_of
 
     for name in TASKS:
         program = law_of(name)
@@ -426,9 +426,9 @@ def program_digests(quick: bool) -> Digests:
 
 def learner_digests(quick: bool) -> Digests:
     """Yield digests of the weights after a very short training by the project's own PPO, on each task."""
-    from cutenv.learning.arguments import PPOArguments
-    from cutenv.learning.on_policy import train
-    from cutenv.learning.ppo import LEARNER
+    from cutenv.agents.learning.arguments import PPOArguments
+    from cutenv.agents.learning.on_policy import train
+    from cutenv.agents.learning.ppo import LEARNER
 
     chosen = {
         "environments": 4, "rollout": 32, "batch_size": 64, "timesteps": 256 if quick else 1280, "validations": 1,
@@ -461,8 +461,8 @@ def planner_digests(quick: bool) -> Digests:
 
 def score_digests(quick: bool) -> Digests:
     """Yield digests of score cards, and of the scores of cuts in batches."""
-    from cutenv.learning.evaluation import batched_rollout
-    from cutenv.sim_to_real.paired_experiment import cut_once
+    from cutenv.agents.learning.evaluation import batched_rollout
+    from cutenv.agents.sim_to_real.paired_experiment import cut_once
 
     for name, task in TASKS.items():
         for seed in range(1 if quick else 3):
@@ -476,7 +476,7 @@ def score_digests(quick: bool) -> Digests:
 
 def estimated_digests(quick: bool) -> Digests:
     """Yield digests of cuts in the simulator that are assessed as a rig's."""
-    from cutenv.sim_to_real.paired_experiment import cut_once, simulator_like
+    from cutenv.agents.sim_to_real.paired_experiment import cut_once, simulator_like
 
     for name, task in TASKS.items():
         with_rig = gymnasium.make(task.entry.rig_id, rig="fake").unwrapped

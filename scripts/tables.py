@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from cutenv._base.output import atomic_write
-from cutenv.learning.statistics import mean_with_interval, rows_of, write_csv
+from cutenv.agents.learning.statistics import mean_with_interval, rows_of, write_csv
 
 
 def keep(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from starlette.testclient import TestClient
 
-from cutenv.browser import HandCut
-from cutenv.classroom import ClassStore, Lesson
-from cutenv.classroom.class_server import class_app
-from cutenv.classroom.class_site import ClassSite
-from cutenv.play.course import named_course
+from cutenv.people.browser import HandCut
+from cutenv.people.classroom import ClassStore, Lesson
+from cutenv.people.classroom.class_server import class_app
+from cutenv.people.classroom.class_site import ClassSite
+from cutenv.people.play.course import named_course
 
 TOKEN = "the teacher's secret"
 

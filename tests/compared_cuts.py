@@ -6,8 +6,8 @@ import functools
 
 import numpy as np
 
-from cutenv.sim_to_real import Agreement, ComparedCut
-from cutenv.trace import Trace
+from cutenv.agents.sim_to_real import Agreement, ComparedCut
+from cutenv.sim.trace import Trace
 
 SPEED = 0.0127  # [m/s]
 

@@ -14,19 +14,28 @@ import numpy as np
 from hypothesis import strategies as st
 
 from cutenv._engine.randomness import generator
-from cutenv.cutting import friction as cutting_friction
-from cutenv.cutting import law as cutting_law
-from cutenv.cutting import row as cutting_row
-from cutenv.cutting import update as cutting_update
-from cutenv.cutting.drive import Hand, advance_command, coupling_step, lag_gain
-from cutenv.cutting.dtypes import DRIVE, READING, STATE, TICK, LawParameters, law_records, new_state, profile_records
-from cutenv.cutting.friction import Grip
-from cutenv.cutting.motion import STRAIGHT
-from cutenv.cutting.row import ONE
-from cutenv.cutting.simulate import follow
-from cutenv.plant import SimulatedPlant
-from cutenv.tissue.description import TissueDescription, tables_only
-from cutenv.tissue.specimen import N_POINTS, SPACING, Specimen
+from cutenv.sim.cutting import friction as cutting_friction
+from cutenv.sim.cutting import law as cutting_law
+from cutenv.sim.cutting import row as cutting_row
+from cutenv.sim.cutting import update as cutting_update
+from cutenv.sim.cutting.drive import Hand, advance_command, coupling_step, lag_gain
+from cutenv.sim.cutting.dtypes import (
+    DRIVE,
+    READING,
+    STATE,
+    TICK,
+    LawParameters,
+    law_records,
+    new_state,
+    profile_records,
+)
+from cutenv.sim.cutting.friction import Grip
+from cutenv.sim.cutting.motion import STRAIGHT
+from cutenv.sim.cutting.row import ONE
+from cutenv.sim.cutting.simulate import follow
+from cutenv.sim.plant import SimulatedPlant
+from cutenv.sim.tissue.description import TissueDescription, tables_only
+from cutenv.sim.tissue.specimen import N_POINTS, SPACING, Specimen
 
 UPRIGHT, INCLINED = math.radians(90.0), math.radians(45.0)
 

@@ -11,12 +11,12 @@ from class_room import CLOCK, TOKEN, Room
 from lti_platform import LearningPlatform
 from starlette.testclient import TestClient
 
-from cutenv.classroom.class_server import class_app
-from cutenv.classroom.class_site import ClassSite
-from cutenv.classroom.class_store import CutEnd, NewCut
-from cutenv.classroom.lesson import name_of
-from cutenv.classroom.lti_platforms import platform_of
-from cutenv.classroom.lti_tool import LtiTool
+from cutenv.people.classroom.class_server import class_app
+from cutenv.people.classroom.class_site import ClassSite
+from cutenv.people.classroom.class_store import CutEnd, NewCut
+from cutenv.people.classroom.lesson import name_of
+from cutenv.people.classroom.lti_platforms import platform_of
+from cutenv.people.classroom.lti_tool import LtiTool
 
 AT = "http://127.0.0.1"
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from cutenv.recording import save
-from cutenv.scoring import score
-from cutenv.scoring.study import StudiedCut, Study
-from cutenv.trace import Trace
+from cutenv.records import save
+from cutenv.records.scoring import score
+from cutenv.records.scoring.study import StudiedCut, Study
+from cutenv.sim.trace import Trace
 
 NOVICES, EXPERTS = ("N01", "N02", "N03", "N04", "N05"), ("E01", "E02", "E03", "E04")
 SESSIONS, CUTS = ("1", "2"), 8  # cuts of a session

@@ -10,12 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cutenv._engine.randomness import generator
-from cutenv.cutting.sensor import SensorParameters
-from cutenv.plant.protocol import Leg, run, to_trace
-from cutenv.plant.simulator import SimulatedPlant
-from cutenv.tissue.description import following_means, tables_only
-from cutenv.tissue.specimen import Specimen
-from cutenv.trace import Trace
+from cutenv.sim.cutting.sensor import SensorParameters
+from cutenv.sim.plant.protocol import Leg, run, to_trace
+from cutenv.sim.plant.simulator import SimulatedPlant
+from cutenv.sim.tissue.description import following_means, tables_only
+from cutenv.sim.tissue.specimen import Specimen
+from cutenv.sim.trace import Trace
 from scripts.validation.thesis.virtual_cuts import true_moduli, true_resistance
 
 TISSUE = tables_only(**following_means(), eta90=0.28)

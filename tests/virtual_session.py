@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from cutenv.measurement import MeasuredCut, measure_cuts
-from cutenv.tissue import CutModel, Specimen, TissueDescription, measured_liver
-from cutenv.trace import Trace
+from cutenv.records.measurement import MeasuredCut, measure_cuts
+from cutenv.sim.tissue import CutModel, Specimen, TissueDescription, measured_liver
+from cutenv.sim.trace import Trace
 from scripts.validation.measurement import calibrate_virtual_rig as rig
 
 MODEL = CutModel()

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import importlib
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -53,10 +53,12 @@ EXTRAS_OF_MODULE = {
 """Extras that bring a module; the first is named unless the command has one of the others."""
 
 
-def import_when_used(package: str, modules: Mapping[str, str]) -> Callable[[str], Any]:
-    """Return the ``__getattr__`` of a package (PEP 562) for names, each with the full name of its module."""
+def import_when_used(package: str, modules: Mapping[str, str], packages: Iterable[str] = ()) -> Callable[[str], Any]:
+    """Return the ``__getattr__`` of a package (PEP 562): names, each with the full name of its module, and packages."""
 
     def attribute(name: str) -> Any:
+        if name in packages:
+            return importlib.import_module(f"{package}.{name}")
         if name not in modules:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         return getattr(importlib.import_module(modules[name]), name)

@@ -1,1 +1,6 @@
-"""Sub-commands of ``cutenv`` that put several layers together: a module with ``main(argv)`` for each."""
+"""Commands of ``cutenv``: a module with ``main(argv)`` for each, and the program that chooses among them.
+
+``cutenv rig run`` is ``cutenv.commands.rig.run``; :mod:`~cutenv.commands.cli` lists them all with their extras.
+
+May import: people, agents, envs, display, rig, vision, task, records, sim.
+"""

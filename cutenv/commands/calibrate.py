@@ -22,13 +22,13 @@ from cutenv.commands.options import (
     made_place,
     reports_errors,
 )
-from cutenv.measurement.calibration import RESAMPLES, check_resamples, measure_cuts, tissue_of, with_findings
-from cutenv.measurement.measured_cut import MeasuredCut, in_layers
-from cutenv.measurement.wear import blade_wear
-from cutenv.measurement.within_specimens import compare_settings
-from cutenv.recording import Provenance, TissueHandling
-from cutenv.tissue import CutModel, TissueDescription
-from cutenv.trace import Trace
+from cutenv.records import Provenance, TissueHandling
+from cutenv.records.measurement.calibration import RESAMPLES, check_resamples, measure_cuts, tissue_of, with_findings
+from cutenv.records.measurement.measured_cut import MeasuredCut, in_layers
+from cutenv.records.measurement.wear import blade_wear
+from cutenv.records.measurement.within_specimens import compare_settings
+from cutenv.sim.tissue import CutModel, TissueDescription
+from cutenv.sim.trace import Trace
 
 
 @reports_errors("calibrate")
@@ -56,7 +56,7 @@ def main(argv: Sequence[str]) -> int:
     compared = settings_table(cuts) if arguments.within_specimens else ""
     worn = "\n".join(blade_wear(cuts).lines) if arguments.blade_wear else ""
     if arguments.report:  # first, for it may need an extra: a tissue without its card would look finished
-        from cutenv.report.calibration_card import ValidationCard, calibration_headline, write_validation_card
+        from cutenv.display.report.calibration_card import ValidationCard, calibration_headline, write_validation_card
 
         card = ValidationCard(tissue=tissue, model=model, cuts=cuts)
         data = write_validation_card(arguments.report, card)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from cutenv.commands.options import command_parser, reports_errors
 
 if TYPE_CHECKING:
-    from cutenv.measurement.signal_faults import Fault, Readings
+    from cutenv.records.measurement.signal_faults import Fault, Readings
 
 
 @reports_errors("check")
@@ -19,9 +19,9 @@ def main(argv: Sequence[str]) -> int:
     """Run the command; return 0 if all records are sound, 1 if one is not, or 2 if an option or a file is bad."""
     arguments = _parser().parse_args(argv)
     from cutenv.commands.inputs import record_files
-    from cutenv.recording import ColumnMap, RecordError
-    from cutenv.recording.importers import readings_in
-    from cutenv.scoring.record_check import record_faults
+    from cutenv.records import ColumnMap, RecordError
+    from cutenv.records.importers import readings_in
+    from cutenv.records.scoring.record_check import record_faults
 
     if arguments.unit is not None and arguments.map is None:
         raise ValueError("--unit goes with --map: cutenv's own files have their units in the header.")

@@ -18,9 +18,9 @@ from cutenv.commands.options import command_parser, made_place, reports_errors
 def main(argv: Sequence[str]) -> int:
     """Run the command; return 0, or 2 if an option or a record is bad."""
     arguments = _parser().parse_args(argv)
-    from cutenv.recording import ColumnMap, read_record, save
-    from cutenv.recording.cut_detection import STANDARD
-    from cutenv.recording.files import check_format
+    from cutenv.records import ColumnMap, read_record, save
+    from cutenv.records.files import check_format
+    from cutenv.records.foreign.cut_detection import STANDARD
 
     check_format(arguments.out)
     if arguments.out.exists() and not arguments.force:

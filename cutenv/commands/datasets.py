@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cutenv.agents.learning.options import add_options, drawn_as, from_options, option
+from cutenv.agents.learning.seeds import TRAINING_SEEDS
 from cutenv.commands.options import command_parser, made_folder, reports_errors
-from cutenv.learning.options import add_options, drawn_as, from_options, option
-from cutenv.learning.seeds import TRAINING_SEEDS
-from cutenv.recording.schema import parse_length
-from cutenv.tissue.specimen import CLASSES
+from cutenv.records.schema import parse_length
+from cutenv.sim.tissue.specimen import CLASSES
 
 if TYPE_CHECKING:
-    from cutenv.learning.demonstration import Demonstration
+    from cutenv.agents.learning.demonstration import Demonstration
 
 _ID = re.compile(r"([-\w]+/)*[-\w]+-v\d+")
 
@@ -70,8 +70,8 @@ class Arguments:
 def main(argv: Sequence[str]) -> int:
     """Write a data set and print its size; 2 if an option or a record is bad."""
     arguments = from_options(Arguments, _parser().parse_args(argv))
-    from cutenv.learning.lerobot import lerobot_folder, write_lerobot
-    from cutenv.learning.minari_datasets import free_folder, write
+    from cutenv.agents.learning.lerobot import lerobot_folder, write_lerobot
+    from cutenv.agents.learning.minari_datasets import free_folder, write
 
     lerobot = arguments.format == "lerobot"
     folder = lerobot_folder(arguments.dataset) if lerobot else free_folder(arguments.dataset)
@@ -96,7 +96,7 @@ def cuts_of(arguments: Arguments) -> tuple[dict[str, Any], list[Demonstration]]:
     ValueError
         If there is no such policy, or a record lacks what is needed.
     """
-    from cutenv.learning.minari_datasets import recorded_cuts, simulated_cuts
+    from cutenv.agents.learning.minari_datasets import recorded_cuts, simulated_cuts
 
     if arguments.policy:
         seeds = range(arguments.seed, arguments.seed + arguments.cuts)

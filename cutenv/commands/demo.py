@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from cutenv._base.arrays import StructArray
-    from cutenv.plant.simulator import SimulatedPlant
-    from cutenv.policy import Policy
+    from cutenv.agents.policy import Policy
+    from cutenv.sim.plant.simulator import SimulatedPlant
     from cutenv.task.registry import RegisteredTask
 
 UNSEEN = 3_000_000
@@ -64,8 +64,8 @@ class DemoCut:
 def main(argv: Sequence[str]) -> int:
     """Run the command: cut, print the table, write the picture; return 0, or 2 if an option is bad."""
     arguments = _parser().parse_args(argv)
-    from cutenv.learning.options import class_in_words
-    from cutenv.policy import named_policy
+    from cutenv.agents.learning.options import class_in_words
+    from cutenv.agents.policy import named_policy
     from cutenv.task.registry import task_made_as
 
     count = int(in_range("--specimens", arguments.specimens, 1, 1000, "1", "A handful is enough to look at."))
@@ -196,7 +196,7 @@ def _print_row(name: str, own: Sequence[DemoCut], widths: Sequence[int]) -> None
 
 def _write(cuts: Mapping[str, DemoCut], arguments: argparse.Namespace) -> None:
     """Write the first specimen's cuts: a picture of the agent's, or of both from above, and the page in 3-D."""
-    from cutenv.report import CutPicture, draw_cut, draw_pictures
+    from cutenv.display.report import CutPicture, draw_cut, draw_pictures
 
     (name, agent), (script_name, script) = cuts.items()
     drawn = {
@@ -219,8 +219,8 @@ def _write(cuts: Mapping[str, DemoCut], arguments: argparse.Namespace) -> None:
     draw_cut(arguments.out, cut, cut.caption)
     print(f"\npicture: {arguments.out}")
     if arguments.page is not None:
-        from cutenv.plant import to_trace
-        from cutenv.viewer.solid import ShownCut, write_view
+        from cutenv.display.viewer.solid import ShownCut, write_view
+        from cutenv.sim.plant import to_trace
 
         trace = to_trace(agent.plant, agent.readings, name=f"{name}, specimen 1", target_length_m=agent.target_length)
         write_view(arguments.page, ShownCut.of(trace))
@@ -228,7 +228,7 @@ def _write(cuts: Mapping[str, DemoCut], arguments: argparse.Namespace) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    from cutenv.policy import DEFAULT_SHIPPED
+    from cutenv.agents.policy import DEFAULT_SHIPPED
 
     parser = command_parser(
         "demo",

@@ -12,7 +12,7 @@ from cutenv._base.output import watched
 from cutenv.commands.options import command_parser, made_folder, made_place, reports_errors
 
 if TYPE_CHECKING:  # slow to import, and --help does not need it
-    from cutenv.trace import Trace
+    from cutenv.sim.trace import Trace
     from cutenv.vision.cameras import GreyImage
     from cutenv.vision.depth_record import FilmedDepth, RunsAndDrops
     from cutenv.vision.film_source import VideoFrame
@@ -42,7 +42,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _calibrate(arguments: argparse.Namespace) -> int:
-    from cutenv.recording.schema import parse_length
+    from cutenv.records.schema import parse_length
     from cutenv.vision.cameras import CalibrationBoard, calibrate_cameras, read_image
 
     if arguments.out is None or arguments.out.suffix != ".json":
@@ -71,9 +71,9 @@ def _calibrate(arguments: argparse.Namespace) -> int:
 
 
 def _measure(arguments: argparse.Namespace) -> int:
-    from cutenv.recording import save
-    from cutenv.recording.schema import parse_length
-    from cutenv.report.film_pages import FilmedRecord, write_depth_page, write_frame_table
+    from cutenv.display.report.film_pages import FilmedRecord, write_depth_page, write_frame_table
+    from cutenv.records import save
+    from cutenv.records.schema import parse_length
     from cutenv.vision.blade_mark import MarkedBlade
     from cutenv.vision.cameras import CalibratedCameras
     from cutenv.vision.depth_record import filmed_depth, runs_and_drops, seen_runs
@@ -141,7 +141,7 @@ def _record(path: Path) -> Trace:
     ValueError
         If it holds several, or is bad.
     """
-    from cutenv.recording import read_record
+    from cutenv.records import read_record
 
     imported = read_record(path)
     if len(imported.traces) != 1:

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cutenv.agents.learning.options import class_in_words
 from cutenv.commands.options import (
     add_question,
     add_tissue,
@@ -23,12 +24,11 @@ from cutenv.commands.options import (
     question_given,
     reports_errors,
 )
-from cutenv.learning.options import class_in_words
+from cutenv.sim.tissue.specimen import CLASSES
 from cutenv.task.registry import TASKS
-from cutenv.tissue.specimen import CLASSES
 
 if TYPE_CHECKING:
-    from cutenv.learning.evaluation import Contestant
+    from cutenv.agents.learning.evaluation import Contestant
 
 _LOOK = 20  # specimens between two looks: a batch costs little more than a cut
 
@@ -46,10 +46,10 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _evaluate(arguments: argparse.Namespace) -> None:
-    from cutenv.policy import BASELINES
+    from cutenv.agents.policy import BASELINES
 
     if arguments.list or not arguments.policies:
-        from cutenv.policy import SHIPPED
+        from cutenv.agents.policy import SHIPPED
 
         feeds = [name for name in BASELINES if name.startswith("constant ")]
         print("gentle cutting:")
@@ -60,9 +60,9 @@ def _evaluate(arguments: argparse.Namespace) -> None:
                 print("\n".join([f"task {task.name}:", *(f"  {name}" for name in task.scripts)]))
         print("\n".join(["shipped agents:", *(f"  {name}" for name in SHIPPED)]))
         return
-    from cutenv.learning.evaluation import contestant, evaluate
-    from cutenv.learning.seeds import TEST_SEEDS, VALIDATION_SEEDS
-    from cutenv.learning.statistics import differences, print_differences, print_table, summarise, write_csv
+    from cutenv.agents.learning.evaluation import contestant, evaluate
+    from cutenv.agents.learning.seeds import TEST_SEEDS, VALIDATION_SEEDS
+    from cutenv.agents.learning.statistics import differences, print_differences, print_table, summarise, write_csv
 
     seeds = VALIDATION_SEEDS if arguments.validation else TEST_SEEDS
     if not 2 <= arguments.specimens <= len(seeds):
@@ -104,10 +104,10 @@ def _decide(
     """Let two policies cut specimen after specimen until it is decided which is better."""
     import numpy as np
 
-    from cutenv.learning.evaluation import evaluate
-    from cutenv.learning.statistics import by_policy
-    from cutenv.report.decision_page import ComparedOutcome, DecisionReport, write_decision
-    from cutenv.scoring.study.sequential import RETURN_FLOOR, RETURN_TOP
+    from cutenv.agents.learning.evaluation import evaluate
+    from cutenv.agents.learning.statistics import by_policy
+    from cutenv.display.report.decision_page import ComparedOutcome, DecisionReport, write_decision
+    from cutenv.records.scoring.study.sequential import RETURN_FLOOR, RETURN_TOP
 
     if len(chosen) != 2:
         raise ValueError(f"--until decided compares two policies, and {len(chosen)} are given. Give two.")
@@ -156,7 +156,7 @@ _RAW = ("return", "success", "end", "tip_error_mm", "peak_force_N", "time_s")
 
 def _report(arguments: argparse.Namespace) -> None:
     """Evaluate the agent of a finished run with all baselines again, and write its report."""
-    from cutenv.learning.training_report import compare
+    from cutenv.agents.learning.training_report import compare
 
     run = arguments.report
     if not (run / "policy" / "card.json").is_file():

@@ -19,7 +19,7 @@ from cutenv.commands.options import (
 )
 
 if TYPE_CHECKING:  # what computes is slow to import, and --help does not need it
-    from cutenv.tissue import CutModel
+    from cutenv.sim.tissue import CutModel
 
 _ELEMENT = 0.01  # size of the thesis's elements [m]
 _CURE = "Write 80mm or 8cm."
@@ -30,7 +30,7 @@ def main(argv: Sequence[str]) -> int:
     """Run the command; return 0, or 2 if tracks, record or options are bad."""
     arguments = _parser().parse_args(argv)
     from cutenv.commands.inputs import chosen_cut, read_records
-    from cutenv.report.film_pages import FieldResult, write_field_page
+    from cutenv.display.report.film_pages import FieldResult, write_field_page
     from cutenv.vision import BeadTracks
 
     model, truth = _model(arguments), _truth(arguments.truth)
@@ -55,7 +55,7 @@ def main(argv: Sequence[str]) -> int:
 
 def _model(arguments: argparse.Namespace) -> CutModel:
     """Return the model of a slab of the given size, in elements of about 1 cm."""
-    from cutenv.tissue import CutModel
+    from cutenv.sim.tissue import CutModel
 
     width, length = (length_given(arguments, name, (0.02, 1.0), _CURE) or 0.0 for name in ("width", "length"))
     offset = length_given(arguments, "offset", (-0.5, 0.5), _CURE) or 0.0

@@ -11,13 +11,13 @@ from typing import NamedTuple
 
 from cutenv._base.output import watched
 from cutenv.commands.options import made_folder
-from cutenv.measurement.calibration import RefusedRecord
-from cutenv.measurement.measured_cut import SPECIMEN_KEY
-from cutenv.recording import ColumnMap, Imported, RecordError, read_record
-from cutenv.recording.column_map import MAP_FILE
-from cutenv.recording.files import FORMATS
-from cutenv.recording.foreign_files import FOREIGN_SUFFIXES, PACKED, is_record_folder
-from cutenv.trace import Trace
+from cutenv.records import ColumnMap, Imported, RecordError, read_record
+from cutenv.records.files import FORMATS
+from cutenv.records.foreign.column_map import MAP_FILE
+from cutenv.records.foreign.files_by_suffix import FOREIGN_SUFFIXES, PACKED, is_record_folder
+from cutenv.records.measurement.calibration import RefusedRecord
+from cutenv.records.measurement.measured_cut import SPECIMEN_KEY
+from cutenv.sim.trace import Trace
 
 SUFFIXES = tuple(FORMATS)
 """Endings of this package's record files, which are looked for in a folder."""
@@ -216,7 +216,7 @@ def _pattern(text: str | None) -> re.Pattern[str] | None:
 
 def _draw(folder: Path, imported: Imported) -> None:
     """Draw a picture of each record of a file."""
-    from cutenv.report import RecordPicture, draw_record  # an extra, and slow to import
+    from cutenv.display.report import RecordPicture, draw_record  # an extra, and slow to import
 
     for k in range(len(imported.records)):
         place = "" if len(imported.records) == 1 else f"_{k + 1}"

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 from cutenv.commands.options import command_parser, made_folder, reports_errors
 
 if TYPE_CHECKING:  # slow to import, and --help does not need it
-    from cutenv.recording import ColumnMap, Imported, RecordError
-    from cutenv.recording.importers import OpenQuestions
-    from cutenv.recording.proposal import Question
+    from cutenv.records import ColumnMap, Imported, RecordError
+    from cutenv.records.foreign.proposal import Question
+    from cutenv.records.importers import OpenQuestions
 
 
 @reports_errors("look")
@@ -26,8 +26,8 @@ def main(argv: Sequence[str]) -> int:
     """Run the command; return 0, 1 if a file cannot be read or leaves open what nobody can guess, 2 for bad options."""
     arguments = _parser().parse_args(argv)
     from cutenv.commands.inputs import given_mapping, record_files
-    from cutenv.recording import RecordError
-    from cutenv.recording.importers import OpenQuestions
+    from cutenv.records import RecordError
+    from cutenv.records.importers import OpenQuestions
 
     if arguments.out is not None:
         made_folder("--out", arguments.out.parent)
@@ -56,7 +56,7 @@ def main(argv: Sequence[str]) -> int:
 
 def _looked(path: Path, mapping: ColumnMap | None, *, asks: bool) -> Imported:
     """Return a file as it is understood; at a terminal its questions are asked."""
-    from cutenv.recording.importers import OpenQuestions, look_at
+    from cutenv.records.importers import OpenQuestions, look_at
 
     answers: dict[str, str] = {}
     asked: set[str] = set()
@@ -92,9 +92,9 @@ def _answer(path: Path, question: Question) -> Mapping[str, str]:
 
 
 def _print(path: Path, found: Imported | RecordError) -> None:
-    from cutenv.recording import RecordError
-    from cutenv.report import RecordPicture
-    from cutenv.report.look_page import record_lines
+    from cutenv.display.report import RecordPicture
+    from cutenv.display.report.look_page import record_lines
+    from cutenv.records import RecordError
 
     print(f"{path}")
     if isinstance(found, RecordError):
@@ -143,7 +143,7 @@ def _facts(found: Imported, k: int) -> dict[str, Any]:
 
 
 def _as_json(found: Sequence[tuple[Path, Imported | RecordError]]) -> dict[str, list[Any]]:
-    from cutenv.recording import RecordError
+    from cutenv.records import RecordError
 
     content: dict[str, list[Any]] = {
         "records": [], "questions": [], "left_out": [], "maps": [], "doubts": [], "notes": [], "refused": []
@@ -165,8 +165,8 @@ def _as_json(found: Sequence[tuple[Path, Imported | RecordError]]) -> dict[str, 
 
 
 def _questions(found: Imported | RecordError | OpenQuestions) -> tuple[Question, ...]:
-    from cutenv.recording import RecordError
-    from cutenv.recording.importers import OpenQuestions
+    from cutenv.records import RecordError
+    from cutenv.records.importers import OpenQuestions
 
     if isinstance(found, OpenQuestions):
         return found.asked.questions
@@ -180,9 +180,9 @@ def _question(name: str, question: Question) -> dict[str, Any]:
 
 
 def _write_page(path: Path, found: Sequence[tuple[Path, Imported | RecordError]]) -> None:
-    from cutenv.recording import RecordError
-    from cutenv.report import RecordPicture
-    from cutenv.report.look_page import UnderstoodFile, write_look_page
+    from cutenv.display.report import RecordPicture
+    from cutenv.display.report.look_page import UnderstoodFile, write_look_page
+    from cutenv.records import RecordError
 
     files = []
     for place, each in found:

@@ -15,9 +15,9 @@ from cutenv._base.language_files import ENGLISH, languages, missing_texts
 from cutenv._base.output import check_writable, reader_has_gone
 
 if TYPE_CHECKING:  # slow to import, and --help does not need it
-    from cutenv.measurement import DepthProfile
-    from cutenv.scoring.study.sequential import SequentialQuestion
-    from cutenv.tissue.lines import CutLine
+    from cutenv.records.measurement import DepthProfile
+    from cutenv.records.scoring.study.sequential import SequentialQuestion
+    from cutenv.sim.tissue.lines import CutLine
 
 Main = Callable[[Sequence[str]], int]
 """Entry point of a command: takes its arguments, returns the exit status."""
@@ -198,7 +198,7 @@ def length_given(arguments: argparse.Namespace, name: str, limits: tuple[float, 
         If it is not a length with a unit, or outside the limits [m]; the message ends with the ``cure``.
     """
     from cutenv._base.validation import in_range
-    from cutenv.recording.schema import parse_length
+    from cutenv.records.schema import parse_length
 
     text, option = getattr(arguments, name), "--" + name.replace("_", "-")
     return None if text is None else in_range(option, parse_length(option, text), *limits, "m", cure)
@@ -248,9 +248,9 @@ def line_given(arguments: argparse.Namespace) -> CutLine | None:
     OSError
         If the file cannot be read.
     """
-    from cutenv.recording.line_file import read_line
-    from cutenv.recording.schema import parse_length
-    from cutenv.tissue.lines import arc, half_ellipse, s_shape, straight
+    from cutenv.records.line_file import read_line
+    from cutenv.records.schema import parse_length
+    from cutenv.sim.tissue.lines import arc, half_ellipse, s_shape, straight
 
     given: str | None = arguments.line
     if given is None:
@@ -286,8 +286,8 @@ def wanted_depth_given(arguments: argparse.Namespace) -> DepthProfile | None:
     ValueError
         If it is neither a length with a unit nor pairs of them, or out of range.
     """
-    from cutenv.measurement.depth import wanted_depth
-    from cutenv.recording.schema import parse_length
+    from cutenv.records.measurement.depth import wanted_depth
+    from cutenv.records.schema import parse_length
 
     given: str | None = arguments.wanted_depth
     if given is None:
@@ -314,7 +314,7 @@ def layer_depth_given(arguments: argparse.Namespace) -> float | None:
 
 def add_specimen_class(parser: argparse.ArgumentParser, default: str) -> None:
     """Add ``--specimen-class``."""
-    from cutenv.tissue.specimen import CLASSES
+    from cutenv.sim.tissue.specimen import CLASSES
 
     parser.add_argument(
         "--specimen-class", choices=CLASSES, default=default, help=f"class of drawn specimens; default {default}"
@@ -338,8 +338,8 @@ def drawn_given(arguments: argparse.Namespace) -> dict[str, str]:
     FileNotFoundError, ValueError
         If the file is missing, or no tissue.
     """
+    from cutenv.agents.learning.options import drawn_as
     from cutenv.envs.tissue_source import TissueSource
-    from cutenv.learning.options import drawn_as
 
     TissueSource(arguments.tissue)  # refuses another file before anything is cut
     return drawn_as(vars(arguments))
@@ -450,7 +450,7 @@ def question_given(arguments: argparse.Namespace, *, smallest: float, reach: flo
     ValueError
         If a number is out of range.
     """
-    from cutenv.scoring.study.sequential import SequentialQuestion
+    from cutenv.records.scoring.study.sequential import SequentialQuestion
 
     given = smallest if arguments.smallest is None else arguments.smallest
     return SequentialQuestion(error=arguments.error, smallest=given, most=arguments.most, reach=reach)

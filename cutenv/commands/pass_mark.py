@@ -14,7 +14,7 @@ from cutenv._base.output import watched
 from cutenv.commands.options import add_study_options, command_parser, reports_errors
 
 if TYPE_CHECKING:  # what scores is slow to import, and --help does not need it
-    from cutenv.scoring.study.pass_mark import Method
+    from cutenv.records.scoring.study.pass_mark import Method
 
 METHOD_NAMES: Mapping[str, Method] = {
     "contrasting-groups": "contrasting groups",
@@ -30,10 +30,10 @@ def main(argv: Sequence[str]) -> int:
     arguments = _parser().parse_args(argv)
     from cutenv._base.validation import in_range
     from cutenv.commands.studied_cuts import check_page, studied_cuts, study_name
-    from cutenv.recording import load_operators
-    from cutenv.report.pass_mark_page import pass_mark_lines, write_pass_mark_page
-    from cutenv.scoring.study import StandardSetting
-    from cutenv.scoring.study.pass_mark import check_metrics, other_group
+    from cutenv.display.report.pass_mark_page import pass_mark_lines, write_pass_mark_page
+    from cutenv.records import load_operators
+    from cutenv.records.scoring.study import StandardSetting
+    from cutenv.records.scoring.study.pass_mark import check_metrics, other_group
 
     check_page(arguments.out)
     given = _given(arguments.mark or ())
@@ -74,8 +74,8 @@ def main(argv: Sequence[str]) -> int:
 def _given(marks: Sequence[str]) -> dict[str, float]:
     """Return a teacher's marks by metric, in the metric's unit; raise ValueError for what is none."""
     from cutenv._base.validation import one_of
-    from cutenv.scoring import METRICS
-    from cutenv.scoring.study.study import OVERALL
+    from cutenv.records.scoring import METRICS
+    from cutenv.records.scoring.study.study import OVERALL
 
     given: dict[str, float] = {}
     for text in marks:

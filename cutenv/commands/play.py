@@ -24,12 +24,12 @@ from cutenv.commands.options import (
     reports_errors,
     target_length,
 )
+from cutenv.sim.tissue.drawn_lines import KINDS
 from cutenv.task.registry import TASKS
-from cutenv.tissue.drawn_lines import KINDS
 
 if TYPE_CHECKING:
-    from cutenv.play.course_progress import CourseProgress
-    from cutenv.play.shared_cut import SharingAgent
+    from cutenv.people.play.course_progress import CourseProgress
+    from cutenv.people.play.shared_cut import SharingAgent
 
 _EXTRA = ("pygame", "pymunk")
 _DEFAULT_CLASS = "liver"
@@ -44,14 +44,14 @@ def main(argv: Sequence[str]) -> int:
     if missing:
         print(f"cutenv play: {' and '.join(missing)} not installed: pip install 'cutenv[play]'", file=sys.stderr)
         return 1
-    from cutenv.play.inverse3 import INVERSE3_URL
-    from cutenv.play.listened_session import ListenedSession
-    from cutenv.play.named_devices import named_device
-    from cutenv.play.play_session import COUNTDOWN, Session, SessionPlan
-    from cutenv.play.play_window import PlayWindow
-    from cutenv.play.polled_handle import HandleAxes
-    from cutenv.recording.lsl import LslOutlet
-    from cutenv.viewer.window import open_display
+    from cutenv.display.viewer.window import open_display
+    from cutenv.people.play.inverse3 import INVERSE3_URL
+    from cutenv.people.play.listened_session import ListenedSession
+    from cutenv.people.play.named_devices import named_device
+    from cutenv.people.play.play_session import COUNTDOWN, Session, SessionPlan
+    from cutenv.people.play.play_window import PlayWindow
+    from cutenv.people.play.polled_handle import HandleAxes
+    from cutenv.records.foreign.lsl import LslOutlet
 
     course = _course_of(arguments)
     length = target_length(arguments)
@@ -133,8 +133,8 @@ def _agent_of(arguments: argparse.Namespace) -> SharingAgent | None:
     if arguments.task != "gentle" or arguments.course is not None:
         given = "--course" if arguments.course is not None else f"--task {arguments.task}"
         raise ValueError(f"--policy {arguments.policy!r} cuts gently to a length, and does not go with {given}.")
-    from cutenv.learning.evaluation import contestant
-    from cutenv.play.shared_cut import SharingAgent
+    from cutenv.agents.learning.evaluation import contestant
+    from cutenv.people.play.shared_cut import SharingAgent
 
     found = contestant(arguments.policy)
     return SharingAgent(name=arguments.policy, policy=found.policy, arguments=found.arguments)
@@ -150,8 +150,8 @@ def _course_of(arguments: argparse.Namespace) -> CourseProgress | None:
     """
     if arguments.course is None:
         return None
-    from cutenv.play.course import named_course
-    from cutenv.play.course_progress import CourseProgress
+    from cutenv.people.play.course import named_course
+    from cutenv.people.play.course_progress import CourseProgress
 
     given = {"--specimen-class": arguments.specimen_class, "--target-length": arguments.target_length}
     given |= {"--seed": arguments.seed, "--practice": arguments.practice or None}

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from cutenv.commands.options import command_parser, made_place, reports_errors
 
 if TYPE_CHECKING:
-    from cutenv.trace import Reading
+    from cutenv.sim.trace import Reading
 
 
 @reports_errors("record")
@@ -24,9 +24,9 @@ def main(argv: Sequence[str]) -> int:
     """Run the command; return 0, or 2 if an option, the stream or a sample is bad."""
     arguments = _parser().parse_args(argv)
     from cutenv._base.validation import in_range
-    from cutenv.recording import ColumnMap
-    from cutenv.recording.lsl import LslInlet, record_stream
-    from cutenv.recording.mapped_columns import STAMP
+    from cutenv.records import ColumnMap
+    from cutenv.records.foreign.lsl import LslInlet, record_stream
+    from cutenv.records.foreign.mapped_columns import STAMP
 
     items = [*arguments.map, f"time={STAMP}"]
     if any(item.partition("=")[0].strip() in ("time", "rate", "split_by") for item in arguments.map):

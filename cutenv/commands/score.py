@@ -27,7 +27,7 @@ from cutenv.commands.options import (
 )
 
 if TYPE_CHECKING:  # what scores is slow to import, and --help does not need it
-    from cutenv.scoring import ReferenceSet
+    from cutenv.records.scoring import ReferenceSet
 
 
 PAGES_NEED = ("jinja2", "matplotlib")
@@ -38,11 +38,11 @@ PAGES_NEED = ("jinja2", "matplotlib")
 def main(argv: Sequence[str]) -> int:
     """Run the command; return 0, or 2 if the records or the options are bad."""
     arguments = _parser().parse_args(argv)
+    from cutenv.agents.difficulty import scripts_on_specimen_of
     from cutenv.commands.inputs import read_records, targets
-    from cutenv.envs.difficulty import scripts_on_specimen_of
-    from cutenv.report.score_page import ScoredRecord, write_score_page, write_summary
-    from cutenv.scoring import score
-    from cutenv.scoring.reference import fitting_reference
+    from cutenv.display.report.score_page import ScoredRecord, write_score_page, write_summary
+    from cutenv.records.scoring import score
+    from cutenv.records.scoring.reference import fitting_reference
 
     if (pages := all(map(find_spec, PAGES_NEED))) or arguments.example:
         made_folder("--out", arguments.out)
@@ -99,9 +99,9 @@ def main(argv: Sequence[str]) -> int:
 
 def _example(path: Path) -> Path:
     """Write the record of a simulated cut and return its path: past the target, then back, as a hand does it."""
-    from cutenv.plant import Leg, SimulatedPlant, run, to_trace
-    from cutenv.recording import save
-    from cutenv.tissue import Specimen
+    from cutenv.records import save
+    from cutenv.sim.plant import Leg, SimulatedPlant, run, to_trace
+    from cutenv.sim.tissue import Specimen
 
     plant = SimulatedPlant(Specimen.drawn(3))
     cut = run(plant, [Leg(position=0.085, speed=0.0127, dwell=0.2), Leg(position=0.075, speed=0.005)])
@@ -119,9 +119,9 @@ def reference_set(given: str) -> ReferenceSet | None:
         If it is none of these, or the folder holds too few cuts.
     """
     from cutenv.commands.inputs import SUFFIXES
-    from cutenv.recording import read_record
-    from cutenv.scoring import ReferenceSet, score
-    from cutenv.scoring.reference import FEWEST_REFERENCE_CUTS, SHIPPED_REFERENCES
+    from cutenv.records import read_record
+    from cutenv.records.scoring import ReferenceSet, score
+    from cutenv.records.scoring.reference import FEWEST_REFERENCE_CUTS, SHIPPED_REFERENCES
 
     if given == "none":
         return None

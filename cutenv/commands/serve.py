@@ -22,12 +22,12 @@ from cutenv.commands.options import (
     note_missing,
     reports_errors,
 )
-from cutenv.play.course import SHIPPED_COURSES, Course, named_course
-from cutenv.tissue.specimen import CLASSES
+from cutenv.people.play.course import SHIPPED_COURSES, Course, named_course
+from cutenv.sim.tissue.specimen import CLASSES
 
 if TYPE_CHECKING:
-    from cutenv.classroom.lesson import Lesson
-    from cutenv.classroom.lti_tool import LtiTool
+    from cutenv.people.classroom.lesson import Lesson
+    from cutenv.people.classroom.lti_tool import LtiTool
 
 
 @reports_errors("serve")
@@ -56,7 +56,7 @@ def main(argv: Sequence[str]) -> int:
 def _serve(arguments: argparse.Namespace, argv: Sequence[str], port: int, course: Course | None) -> int:
     made_folder("FOLDER", arguments.folder)
     if arguments.shortcut:
-        from cutenv.classroom.desktop_shortcut import write_shortcut
+        from cutenv.people.classroom.desktop_shortcut import write_shortcut
 
         options = [each for each in argv if each not in ("--shortcut", "--open")]
         command = [sys.executable, "-m", "cutenv", "serve", *options, "--open"]
@@ -65,15 +65,15 @@ def _serve(arguments: argparse.Namespace, argv: Sequence[str], port: int, course
 
     import uvicorn
 
-    from cutenv.classroom.class_backup import restore_backup, write_backup
-    from cutenv.classroom.class_server import class_app, new_token
-    from cutenv.classroom.class_site import ClassSite
-    from cutenv.classroom.class_store import ClassStore
-    from cutenv.classroom.folder_claim import FolderClaim
-    from cutenv.classroom.lesson import Lesson
-    from cutenv.classroom.live_rig import LiveRig
-    from cutenv.classroom.patient_protocol import PatientProtocol
-    from cutenv.classroom.xapi_statements import Courier, StatementQueue
+    from cutenv.people.classroom.class_backup import restore_backup, write_backup
+    from cutenv.people.classroom.class_server import class_app, new_token
+    from cutenv.people.classroom.class_site import ClassSite
+    from cutenv.people.classroom.class_store import ClassStore
+    from cutenv.people.classroom.folder_claim import FolderClaim
+    from cutenv.people.classroom.lesson import Lesson
+    from cutenv.people.classroom.live_rig import LiveRig
+    from cutenv.people.classroom.patient_protocol import PatientProtocol
+    from cutenv.people.classroom.xapi_statements import Courier, StatementQueue
 
     database = arguments.folder / "class.db"
     fresh = arguments.database is None and not database.exists()
@@ -161,10 +161,10 @@ def _serve(arguments: argparse.Namespace, argv: Sequence[str], port: int, course
 
 def _lti_tool(lesson: Lesson, language: str) -> LtiTool | None:
     """Return the class as a tool of learning platforms; None without the extra, if none is registered."""
-    from cutenv.classroom.lti_platforms import PLATFORMS_FILE
+    from cutenv.people.classroom.lti_platforms import PLATFORMS_FILE
 
     try:
-        from cutenv.classroom.lti_tool import LtiTool
+        from cutenv.people.classroom.lti_tool import LtiTool
     except ModuleNotFoundError:
         if (lesson.folder.parent / PLATFORMS_FILE).exists():
             raise

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cutenv._base.language_files import ENGLISH, languages
-from cutenv.browser.page_alone import OFFERED, OFFERED_LINES, write_page_alone, write_scorm_package
 from cutenv.commands.options import (
     add_task,
     add_tissue,
@@ -18,8 +17,9 @@ from cutenv.commands.options import (
     note_missing,
     reports_errors,
 )
-from cutenv.tissue.drawn_lines import KINDS
-from cutenv.tissue.specimen import CLASSES
+from cutenv.people.browser.page_alone import OFFERED, OFFERED_LINES, write_page_alone, write_scorm_package
+from cutenv.sim.tissue.drawn_lines import KINDS
+from cutenv.sim.tissue.specimen import CLASSES
 
 
 @reports_errors("single-page")

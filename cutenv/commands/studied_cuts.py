@@ -12,13 +12,13 @@ from cutenv._base.output import watched
 from cutenv.commands.inputs import LoadedTraces, Source, read_records, targets
 from cutenv.commands.options import made_place, target_length
 from cutenv.commands.score import reference_set
-from cutenv.measurement.calibration import RefusedRecord
-from cutenv.recording import OperatorRow, recorded_operators
-from cutenv.scoring import ScoreCard, score
-from cutenv.scoring.doubts import DOUBT
-from cutenv.scoring.reference import fitting_reference
-from cutenv.scoring.study import StudiedCut, condition_of
-from cutenv.trace import Trace
+from cutenv.records import OperatorRow, recorded_operators
+from cutenv.records.measurement.calibration import RefusedRecord
+from cutenv.records.scoring import ScoreCard, score
+from cutenv.records.scoring.doubts import DOUBT
+from cutenv.records.scoring.reference import fitting_reference
+from cutenv.records.scoring.study import StudiedCut, condition_of
+from cutenv.sim.trace import Trace
 
 _MOST_DOUBTS = 10  # that are printed
 

@@ -20,9 +20,9 @@ from cutenv.commands.options import (
 )
 
 if TYPE_CHECKING:
-    from cutenv.report.decision_page import DecisionReport
-    from cutenv.scoring.study import Study
-    from cutenv.scoring.study.sequential import SequentialQuestion
+    from cutenv.display.report.decision_page import DecisionReport
+    from cutenv.records.scoring.study import Study
+    from cutenv.records.scoring.study.sequential import SequentialQuestion
 
 _SCALE = 100.0
 """Largest overall score."""
@@ -36,12 +36,12 @@ def main(argv: Sequence[str]) -> int:
     arguments = _parser().parse_args(argv)
     from cutenv._base.validation import in_range, one_of
     from cutenv.commands.studied_cuts import check_page, studied_cuts, study_name
-    from cutenv.recording import load_operators
-    from cutenv.report.study_page import crossover_lines, table_lines, write_study
-    from cutenv.report.trainee_sheet import write_class_list, write_trainee_sheet
-    from cutenv.scoring import METRICS
-    from cutenv.scoring.study import Study
-    from cutenv.scoring.study.study import OVERALL
+    from cutenv.display.report.study_page import crossover_lines, table_lines, write_study
+    from cutenv.display.report.trainee_sheet import write_class_list, write_trainee_sheet
+    from cutenv.records import load_operators
+    from cutenv.records.scoring import METRICS
+    from cutenv.records.scoring.study import Study
+    from cutenv.records.scoring.study.study import OVERALL
 
     check_page(arguments.out)
     for metric in arguments.metric or ():
@@ -89,8 +89,8 @@ def _decided(study: Study, question: SequentialQuestion, mark: float | None) -> 
     """
     import numpy as np
 
-    from cutenv.report.decision_page import ComparedOutcome, DecisionReport
-    from cutenv.scoring.study.study import OVERALL, value_of
+    from cutenv.display.report.decision_page import ComparedOutcome, DecisionReport
+    from cutenv.records.scoring.study.study import OVERALL, value_of
 
     scores: dict[str, list[float]] = {}
     for cut in study.cuts:
@@ -124,8 +124,8 @@ def _decided(study: Study, question: SequentialQuestion, mark: float | None) -> 
 def _criterion(arguments: argparse.Namespace) -> float | None:
     """Return the target of the learning curves, in SI units."""
     from cutenv._base.unit_table import shown_unit
-    from cutenv.scoring import METRICS
-    from cutenv.scoring.study.study import OVERALL
+    from cutenv.records.scoring import METRICS
+    from cutenv.records.scoring.study.study import OVERALL
 
     value: float | None = arguments.criterion
     if value is None or len(arguments.metric or ()) != 1 or arguments.metric[0] == OVERALL:

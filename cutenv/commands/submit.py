@@ -20,8 +20,8 @@ from cutenv._base.output import check_writable, progress_bar
 from cutenv.commands.options import command_parser, reports_errors
 
 if TYPE_CHECKING:
-    from cutenv.learning.benchmark import Submission
-    from cutenv.learning.evaluation import Contestant
+    from cutenv.agents.learning.benchmark import Submission
+    from cutenv.agents.learning.evaluation import Contestant
 
 CutRows = list[dict[str, Any]]
 
@@ -50,8 +50,8 @@ def checked(path: Path, policies: Sequence[str] = ()) -> tuple[Submission, list[
     OSError, ValueError
         If the file cannot be read, is damaged, a cut's return differs, or the policies are not those of the file.
     """
-    from cutenv.learning.benchmark import entry_digest, entry_files, read_submission, replayed
-    from cutenv.learning.evaluation import contestant, evaluate
+    from cutenv.agents.learning.benchmark import entry_digest, entry_files, read_submission, replayed
+    from cutenv.agents.learning.evaluation import contestant, evaluate
 
     entry = read_submission(path)
     entrants = [contestant(name) for name in policies]
@@ -81,7 +81,7 @@ def _submit(given: argparse.Namespace) -> None:
     if not given.out.absolute().parent.is_dir() or given.out.is_dir():
         raise ValueError(f"--out {given.out}: give a file in a folder that exists.")
     check_writable("--out", given.out.absolute().parent)
-    from cutenv.learning.benchmark import (
+    from cutenv.agents.learning.benchmark import (
         QUICK,
         Protocol,
         Submission,
@@ -93,9 +93,9 @@ def _submit(given: argparse.Namespace) -> None:
         submitted_run,
         write_submission,
     )
-    from cutenv.learning.evaluation import contestant
-    from cutenv.learning.statistics import read_rows
-    from cutenv.policy.shipped import policy_folder
+    from cutenv.agents.learning.evaluation import contestant
+    from cutenv.agents.learning.statistics import read_rows
+    from cutenv.agents.policy.shipped import policy_folder
 
     policy, salt = given.name or Path(given.policies[0]).name, given.salt or ""
     for option, text in (("--author", given.author), ("--code", given.code), ("--name", policy), ("--salt", salt)):
@@ -121,7 +121,7 @@ def _submit(given: argparse.Namespace) -> None:
 
 def _kind(names: Sequence[str], entrants: Sequence[Contestant], given: str | None) -> str:
     """Return the kind of an entry: what its policies' cards record, or what is given where they do not."""
-    from cutenv.learning.benchmark import ENTRY_KINDS, recorded_kind
+    from cutenv.agents.learning.benchmark import ENTRY_KINDS, recorded_kind
 
     known = ", ".join(map(repr, ENTRY_KINDS))
     if given is not None and given not in ENTRY_KINDS:
@@ -136,7 +136,7 @@ def _kind(names: Sequence[str], entrants: Sequence[Contestant], given: str | Non
 
 
 def _print_row(entry: Submission, runs: Sequence[CutRows], script: CutRows) -> None:
-    from cutenv.learning.benchmark import shown, standing
+    from cutenv.agents.learning.benchmark import shown, standing
 
     protocol = entry.protocol
     print(f"\n{entry.policy}, by {entry.author}, {entry.date}{', ' if entry.code else ''}{entry.code}")

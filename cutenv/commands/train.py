@@ -18,8 +18,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from cutenv.commands.options import command_parser
-from cutenv.learning.arguments import (
+from cutenv.agents.learning.arguments import (
     BadArguments,
     BCArguments,
     CrossQArguments,
@@ -30,7 +29,8 @@ from cutenv.learning.arguments import (
     SACArguments,
     TQCArguments,
 )
-from cutenv.learning.run_folder import RunRequest, add_run_options, run_request
+from cutenv.agents.learning.run_folder import RunRequest, add_run_options, run_request
+from cutenv.commands.options import command_parser
 
 LEARNERS: dict[str, tuple[str, type[LearnerArguments]]] = {
     "ppo": ("PPO", PPOArguments),
@@ -86,7 +86,7 @@ def _several_tasks(argv: Sequence[str]) -> tuple[list[str], list[str]]:
 
 def _side_by_side(tasks: Sequence[str], rest: Sequence[str]) -> int:
     """Train several tasks side by side, after a look at the options of all."""
-    from cutenv.learning.side_by_side import train_side_by_side
+    from cutenv.agents.learning.side_by_side import train_side_by_side
 
     named = argparse.ArgumentParser(prog="cutenv train", add_help=False, allow_abbrev=False)
     named.add_argument("--name")
@@ -146,15 +146,15 @@ def _run(learner: str, request: RunRequest[Any]) -> None:
     """Run the learner, whose modules load torch."""
     resume_command = f"{_program()} train --resume {request.run}"
     if learner == "bc":
-        from cutenv.learning import bc
+        from cutenv.agents.learning import bc
 
         bc.run_learner(request, resume_command)
     elif learner == "iql":
-        from cutenv.learning import iql
+        from cutenv.agents.learning import iql
 
         iql.run_learner(request, resume_command)
     else:
-        from cutenv.learning.on_policy import run_learner
+        from cutenv.agents.learning.on_policy import run_learner
 
         run_learner(_trial_learner(learner), request, resume_command)
 
@@ -162,11 +162,11 @@ def _run(learner: str, request: RunRequest[Any]) -> None:
 def _trial_learner(name: str) -> Any:
     """Return a learner that learns by trial."""
     if name == "ppo":
-        from cutenv.learning.ppo import LEARNER
+        from cutenv.agents.learning.ppo import LEARNER
     elif name == "recurrent-ppo":
-        from cutenv.learning.recurrent_ppo import LEARNER
+        from cutenv.agents.learning.recurrent_ppo import LEARNER
     else:
-        from cutenv.learning.off_policy import OFF_POLICY
+        from cutenv.agents.learning.off_policy import OFF_POLICY
 
         return OFF_POLICY[name]
     return LEARNER

@@ -20,7 +20,7 @@ from cutenv.commands.options import (
     reports_errors,
     target_length,
 )
-from cutenv.viewer.solid import COLOURINGS, CurvedCut, ShownCut, write_curved_view, write_view
+from cutenv.display.viewer.solid import COLOURINGS, CurvedCut, ShownCut, write_curved_view, write_view
 
 
 @reports_errors("view")

@@ -36,7 +36,7 @@ def main(argv: Sequence[str]) -> int:
         )
         return 0
 
-    folder = kernel_folder("cutenv.cutting.law")
+    folder = kernel_folder("cutenv.sim.cutting.law")
     if folder is None:
         print(
             "cutenv warm: nothing that is compiled can be kept here: set NUMBA_CACHE_DIR to a folder that can be "
@@ -85,10 +85,10 @@ def _use_policies(task: RegisteredTask) -> None:
     """Let scripts and planner of a task cut, with what a learner and its critic are shown."""
     import numpy as np
 
+    from cutenv.agents.learning.evaluation import batched_rollout
     from cutenv.envs.vector import CutBatch
-    from cutenv.learning.evaluation import batched_rollout
-    from cutenv.plant.protocol import recorded_trace
-    from cutenv.scoring import score
+    from cutenv.records.scoring import score
+    from cutenv.sim.plant.protocol import recorded_trace
 
     for policy in (*(make() for make in task.scripts.values()), task.planner(rounds=1)):
         for seeds in ([0], [0, 1]):  # for one cut, columns of an array are contiguous
@@ -104,11 +104,11 @@ def _use_plant(task: RegisteredTask) -> None:
     """Drive, lead and account for a blade as the law's own checks do, and by a person's hand where the task has one."""
     import numpy as np
 
-    from cutenv.scoring import score
-    from cutenv.tissue import measured_liver
-    from cutenv.tissue.floor import BladePath, expected_floor
-    from cutenv.tissue.grid import N_POINTS
-    from cutenv.tissue.specimen import draw_liver
+    from cutenv.records.scoring import score
+    from cutenv.sim.tissue import measured_liver
+    from cutenv.sim.tissue.floor import BladePath, expected_floor
+    from cutenv.sim.tissue.grid import N_POINTS
+    from cutenv.sim.tissue.specimen import draw_liver
 
     environment = task.single()
     environment.reset(seed=0)
@@ -129,7 +129,7 @@ def _use_rigs() -> None:
     """Use the emulator, along the cut and across it, and an environment on a fake rig of each task that has one."""
     import numpy as np
 
-    from cutenv.imitated.emulator.process import warm_up
+    from cutenv.rig.imitated.emulator.process import warm_up
 
     for across in _ACROSS:
         warm_up(across=across)

@@ -1,4 +1,11 @@
-"""Gymnasium environments; the only package part that depends on Gymnasium."""
+"""Gymnasium environments of every task: single, vectorized, and on a rig.
+
+They step the tasks of :mod:`cutenv.task` in the simulator (:mod:`cutenv.sim`) or on a rig (:mod:`cutenv.rig`). Make
+them by name, ``gymnasium.make("cutenv/GentleCut-v1")``, or by the classes listed here. Nothing below this package knows
+Gymnasium.
+
+May import: display, rig, vision, task, records, sim.
+"""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from typing import Any
 
 import cv2
 
-from cutenv.recording import load_one, save
+from cutenv.records import load_one, save
 from cutenv.rig.config.settings import CameraSettings, RigSettings
 from cutenv.rig.devices.camera import CAMERA_NOTE
 from cutenv.rig.devices.driver_registry import DriverKind, Mounting, mounted, traits_of

@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv._base.validation import check_parameters, one_of, parameter, unexpected_keyword
-from cutenv.cutting.drive import DRIVES, Drive, Rig
-from cutenv.cutting.dtypes import LawParameters
-from cutenv.cutting.sensor import SensorParameters
+from cutenv.sim.cutting.drive import DRIVES, Drive, Rig
+from cutenv.sim.cutting.dtypes import LawParameters
+from cutenv.sim.cutting.sensor import SensorParameters
+from cutenv.sim.tissue.description import TissueDescription
+from cutenv.sim.tissue.grid import field_modes
+from cutenv.sim.tissue.specimen import N_POINTS, SPACING, BladeWear
 from cutenv.task.beginning import measure_depth
 from cutenv.task.reward import Limits, RewardWeights
-from cutenv.tissue.description import TissueDescription
-from cutenv.tissue.grid import field_modes
-from cutenv.tissue.specimen import N_POINTS, SPACING, BladeWear
 
 _PREFIX = "weight_"
 T = TypeVar("T")

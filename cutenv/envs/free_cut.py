@@ -10,10 +10,10 @@ import numpy as np
 from cutenv._base.arrays import Array, Array32
 from cutenv.envs.gymnasium_facts import described
 from cutenv.envs.path_cut import PathCutEnv
-from cutenv.plant.freehand_plant import GrowingModel
+from cutenv.sim.plant.freehand_plant import GrowingModel
+from cutenv.sim.tissue.grid import SPACING
 from cutenv.task.episode import Goal
 from cutenv.task.path import PathEpisode, PathOptions
-from cutenv.tissue.grid import SPACING
 
 
 class FreeEpisode(PathEpisode):

@@ -16,11 +16,13 @@ from numpy.typing import NDArray
 from cutenv._base.arrays import StructArray
 from cutenv._base.validation import in_range, one_of
 from cutenv._engine.jit import warn_before_first_compile
-from cutenv.cutting.drive import DRIVES
 from cutenv.envs.constants import Constants, rig_constants
 from cutenv.envs.gymnasium_facts import LimitedSpec, described, flat_info, most_steps
 from cutenv.envs.tissue_source import TissueSource
-from cutenv.plant.simulator import ANGLE_RANGE, SimulatedPlant
+from cutenv.sim.cutting.drive import DRIVES
+from cutenv.sim.plant.simulator import ANGLE_RANGE, SimulatedPlant
+from cutenv.sim.tissue.specimen import CLASSES, Specimen
+from cutenv.sim.tissue.specimen_kernels import sample_all_profiles
 from cutenv.task.beginning import LONGEST, SHORTEST
 from cutenv.task.declare import Task
 from cutenv.task.episode import Episode, Goal, TaskOptions
@@ -28,8 +30,6 @@ from cutenv.task.info import COST, GROUPS, OUT_OF_RANGE
 from cutenv.task.observation import CLIP, within_reach
 from cutenv.task.reward import greatest_action
 from cutenv.task.stepper import step_one
-from cutenv.tissue.sampling import sample_all_profiles
-from cutenv.tissue.specimen import CLASSES, Specimen
 
 RESET_OPTIONS = ("specimen", "target_length", "episode")
 """Options of a reset."""
@@ -114,7 +114,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     each weight (``weight_<term>``), but that of safety, can be given by keyword, and wins over the rig's file; an
     unknown name is an error that names the nearest.
 
-    Reset options: ``specimen`` (a :class:`~cutenv.tissue.Specimen` or its JSON text), ``target_length`` [m],
+    Reset options: ``specimen`` (a :class:`~cutenv.sim.tissue.Specimen` or its JSON text), ``target_length`` [m],
     ``episode`` (number of the episode under the current seed).
 
     Info
@@ -271,7 +271,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if isinstance(option, str):
             return Specimen.from_json(option)
         if not isinstance(option, Specimen):
-            raise TypeError(f"specimen must be a cutenv.tissue.Specimen or its JSON text, got {option!r}.")
+            raise TypeError(f"specimen must be a cutenv.sim.tissue.Specimen or its JSON text, got {option!r}.")
         return option
 
     def set_up(
@@ -375,7 +375,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if not hasattr(self, "plant"):
             raise gymnasium.error.ResetNeeded("there is nothing to draw yet: call reset() before render().")
         if self._viewer is None:
-            from cutenv.viewer import CutViewer  # drawing is an extra
+            from cutenv.display.viewer import CutViewer  # drawing is an extra
 
             self._viewer = CutViewer(window=self.render_mode == "human", fps=self.metadata["render_fps"])
         readings = np.concatenate(self._undrawn) if self._undrawn else None

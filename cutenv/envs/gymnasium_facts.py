@@ -18,10 +18,10 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
+from cutenv.sim.tissue.specimen import CLASSES
 from cutenv.task.declare import CutNumber, Task
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, CLIP, COMPONENTS, SPEED_SCALE
 from cutenv.task.reward import CUT_ENDS, REWARD
-from cutenv.tissue.specimen import CLASSES
 
 
 def most_steps(deadline: float, ticks: int) -> int:
@@ -55,8 +55,8 @@ def flat_info(info: Mapping[str, Any], ends: Sequence[str]) -> dict[str, Any]:
     """Return the info of one environment without groups, as numbers of NumPy: float64, or int64.
 
     An entry of a group is named after both, such as "truth_tip_m".  ``truth_specimen_class`` counts in
-    :data:`~cutenv.tissue.specimen.CLASSES`, and ``end`` in ``ends``, of which the first is that of a cut that goes on;
-    flags are 0 or 1.
+    :data:`~cutenv.sim.tissue.specimen.CLASSES`, and ``end`` in ``ends``, of which the first is that of a cut that goes
+    on; flags are 0 or 1.
     """
     full = {"end": ends[0], "is_success": False, **info}
     return {name: _numbers(name, value, ends) for name, value in _without_groups(full).items()}

@@ -82,7 +82,7 @@ class PathCutEnv(GentleCutEnv):
 
     "fusiform" is one side of an excision, whose end is the target, as in ``cutenv/Excision-v1``; "mixed" draws none.
     There are 64 lines of each kind, the same for everybody, of which the seed draws one.  A given line is a
-    :class:`~cutenv.tissue.lines.CutLine`, or places [m] from the clamp (0, 0) on, shape (n, 2), through which it is
+    :class:`~cutenv.sim.tissue.lines.CutLine`, or places [m] from the clamp (0, 0) on, shape (n, 2), through which it is
     drawn; one that turns back, bends too far or leaves the slab less than 30 mm beyond the target is refused with the
     place.
 

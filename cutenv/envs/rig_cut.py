@@ -29,8 +29,7 @@ from cutenv.envs.gymnasium_facts import LimitedSpec, described, most_steps
 from cutenv.envs.path_cut import PathCutEnv
 from cutenv.envs.rig_source import RigSource
 from cutenv.envs.tissue_source import TissueSource
-from cutenv.plant import Plant, SimulatedPlant
-from cutenv.recording.appending import CutListener
+from cutenv.records.appending import CutListener
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.contradictions import AHEAD
 from cutenv.rig.errors import RigError
@@ -40,6 +39,12 @@ from cutenv.rig.operation.suitability import top_speed
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.oversight import interrupt
 from cutenv.rig.safety.stop_causes import Cause, RigStopped
+from cutenv.sim.plant import Plant, SimulatedPlant
+from cutenv.sim.tissue.description import TissueDescription, measured_liver
+from cutenv.sim.tissue.grid import POINTS_PER_METRE
+from cutenv.sim.tissue.layers import Layers
+from cutenv.sim.tissue.lines import CutLine
+from cutenv.sim.tissue.specimen import CLASSES, Specimen
 from cutenv.task.beginning import LONGEST
 from cutenv.task.declare import WAYS, Task
 from cutenv.task.depth import DepthConstants, DepthEpisode, DepthOptions
@@ -48,14 +53,9 @@ from cutenv.task.observation import CLIP, within_reach
 from cutenv.task.path import PathEpisode, PathOptions
 from cutenv.task.reward import STOPPED, greatest_action
 from cutenv.task.stepper import assess_readings
-from cutenv.tissue.description import TissueDescription, measured_liver
-from cutenv.tissue.grid import POINTS_PER_METRE
-from cutenv.tissue.layers import Layers
-from cutenv.tissue.lines import CutLine
-from cutenv.tissue.specimen import CLASSES, Specimen
 
 if TYPE_CHECKING:
-    from cutenv.imitated.fake_rig import FakeRig
+    from cutenv.rig.imitated.fake_rig import FakeRig
 
 
 _SAME_ANGLE = math.radians(0.5)
@@ -208,7 +208,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     Besides, the weights (``weight_<term>``) and, for emulated and fake rigs, each constant of the parameter table.
 
     Reset options: ``target_length`` [m], ``episode`` (number of the specimen under the current seed), and ``specimen``
-    (a :class:`~cutenv.tissue.Specimen` or its JSON text, emulated and fake rigs only).
+    (a :class:`~cutenv.sim.tissue.Specimen` or its JSON text, emulated and fake rigs only).
 
     Info
     ----

@@ -21,11 +21,9 @@ import cutenv
 from cutenv._base.arrays import StructArray
 from cutenv._base.imports import extra_named
 from cutenv._base.unit_table import NAMED_UNITS
-from cutenv.cutting.drive import PDRig, Rig
 from cutenv.envs.constants import Constants
-from cutenv.imitated.connection import operator_of, settings_of
-from cutenv.recording.appending import AppendingRecord, CutListener, RecordingFailed
-from cutenv.recording.provenance import Provenance
+from cutenv.records.appending import AppendingRecord, CutListener, RecordingFailed
+from cutenv.records.provenance import Provenance
 from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.config.settings import (
     EMULATED,
@@ -41,20 +39,22 @@ from cutenv.rig.config.settings import (
 from cutenv.rig.contradictions import refuse_contradictions
 from cutenv.rig.devices.camera import CAMERA_NOTE, RigCamera
 from cutenv.rig.errors import RigError
+from cutenv.rig.imitated.connection import operator_of, settings_of
 from cutenv.rig.operation.operator import AutomaticOperator, Operator
 from cutenv.rig.operation.session import RigSession, SpecimenKey, SpecimensByHand, recorded_channels, recorded_rows
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.toml_file import read_rig_file
-from cutenv.tissue.grid import depth_below
+from cutenv.sim.cutting.drive import PDRig, Rig
+from cutenv.sim.tissue.grid import depth_below
 
 if TYPE_CHECKING:
-    from cutenv.imitated.emulator.control import EmulatorControl
-    from cutenv.imitated.emulator.process import RunningEmulator
-    from cutenv.imitated.fake_benches import AirPlant
-    from cutenv.imitated.fake_rig import FakeRig
-    from cutenv.tissue.layers import Layers
-    from cutenv.tissue.lines import CutLine
+    from cutenv.rig.imitated.emulator.control import EmulatorControl
+    from cutenv.rig.imitated.emulator.process import RunningEmulator
+    from cutenv.rig.imitated.fake_benches import AirPlant
+    from cutenv.rig.imitated.fake_rig import FakeRig
+    from cutenv.sim.tissue.layers import Layers
+    from cutenv.sim.tissue.lines import CutLine
 
 
 class FakeSpecimens:
@@ -70,7 +70,7 @@ class FakeSpecimens:
 
     def mount(self, key: SpecimenKey) -> NDArray[np.float64] | None:
         """Lay a specimen; return None, because the caller has drawn it and knows its depth."""
-        from cutenv.imitated.fake_benches import SpecimenPlant, SteeredBench
+        from cutenv.rig.imitated.fake_benches import SpecimenPlant, SteeredBench
 
         constants, drive = self._constants, self._constants.drive
         if key.specimen is None:
@@ -232,7 +232,7 @@ class RigSource:
         elif needs_axis == "side":
             self.settings.require_side_axis(by=by)
         if dry_run:
-            from cutenv.imitated.fake_rig import FakeSensor
+            from cutenv.rig.imitated.fake_rig import FakeSensor
 
             self._rig = FAKE
             self.settings = dataclasses.replace(
@@ -244,7 +244,7 @@ class RigSource:
             )
         if self._rig in EMULATED:
             with extra_named("rig"):  # fails now, not amid a session, for lack of a package
-                importlib.import_module("cutenv.imitated.emulator.process")
+                importlib.import_module("cutenv.rig.imitated.emulator.process")
         self.draws = self._rig in RIG_NAMES
         self._emulated = emulator_arguments(constants) if self._rig == EMULATOR else []
         if self._rig in EMULATED and self._rig != EMULATOR and (changed := changed_constants(constants)):
@@ -268,7 +268,7 @@ class RigSource:
     def session(self) -> RigSession:
         """Make the session of the rig, which connects at its first cut."""
         if self._rig == FAKE:
-            from cutenv.imitated.fake_rig import FakeRig
+            from cutenv.rig.imitated.fake_rig import FakeRig
 
             self.fake = fake = FakeRig(_at_clamp, self.settings)
             operator = self._operator or AutomaticOperator(self.settings)
@@ -277,7 +277,7 @@ class RigSource:
         from cutenv.rig.hardware import rig_plant
 
         if self._rig in EMULATED:
-            from cutenv.imitated.emulator.process import start
+            from cutenv.rig.imitated.emulator.process import start
 
             emulator = start(
                 free_air=True, across=tuple(self.settings.cross_axes), kind=self._rig,
@@ -387,6 +387,6 @@ def _forget(readings: StructArray) -> None:
 
 def _at_clamp(settings: RigSettings) -> AirPlant:
     """Return the bench of a fake rig before a specimen is laid."""
-    from cutenv.imitated.fake_benches import AirPlant
+    from cutenv.rig.imitated.fake_benches import AirPlant
 
     return AirPlant(settings, start=0.0)

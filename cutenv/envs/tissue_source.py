@@ -8,9 +8,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from cutenv.tissue import description, specimen
-from cutenv.tissue.description import TissueDescription, measured_liver
-from cutenv.tissue.specimen import Specimen
+from cutenv.sim.tissue import description, specimen
+from cutenv.sim.tissue.description import TissueDescription, measured_liver
+from cutenv.sim.tissue.specimen import Specimen
 
 
 class TissueSource:

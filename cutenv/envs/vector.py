@@ -23,9 +23,12 @@ from cutenv._base.validation import in_range, one_of
 from cutenv._engine.jit import warn_before_first_compile
 from cutenv._engine.parallel import MIN_CHUNK, parallel_for
 from cutenv._engine.randomness import check_key
-from cutenv.cutting.dtypes import READING
 from cutenv.envs.gentle_cut import RESET_OPTIONS, GentleCutEnv, checked_episode, checked_length, listed
 from cutenv.envs.gymnasium_facts import LimitedSpec, flat_infos
+from cutenv.sim.cutting.dtypes import READING
+from cutenv.sim.tissue.description import measured_liver
+from cutenv.sim.tissue.specimen import Specimen, nominal_tissue
+from cutenv.sim.tissue.specimen_kernels import sampler, tissue_modes
 from cutenv.task.beginning import GIVEN, LIVER, LONGEST, MIXED, VASCULAR, Drawing, Keys, Start, begin_some
 from cutenv.task.declare import Cuts
 from cutenv.task.episode import ShownDepth
@@ -33,9 +36,6 @@ from cutenv.task.info import GROUPS, INFO, column
 from cutenv.task.observation import all_within_reach
 from cutenv.task.privileged import append_privileged
 from cutenv.task.stepper import Decision, step_some, tell_of_all
-from cutenv.tissue.description import measured_liver
-from cutenv.tissue.sampling import sampler, tissue_modes
-from cutenv.tissue.specimen import Specimen, nominal_tissue
 
 _SOURCES = {"liver": LIVER, "vascular": VASCULAR, "mixed": MIXED}
 _DRAWN = np.array(["liver", "vascular"], dtype=object)
@@ -170,8 +170,8 @@ class CutBatch:
         meanwhile : callable, optional
             Called while other cores wake up.
         readings : Records, shape (count, ticks), optional
-            Array of :data:`~cutenv.cutting.dtypes.READING` that is filled with every millisecond of the step, for each
-            cut up to its end.
+            Array of :data:`~cutenv.sim.cutting.dtypes.READING` that is filled with every millisecond of the step, for
+            each cut up to its end.
 
         Returns
         -------

@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array, StructArray
 from cutenv._base.validation import array_in_range, in_range
-from cutenv.cutting.dtypes import READING, TICK
 from cutenv.rig.config.settings import RigSettings, SafetyLimits
-from cutenv.rig.devices.drivers import ForceSample, MotionSample, Observer, interpolated, newest_since
 from cutenv.rig.devices.host import Owner
+from cutenv.rig.devices.protocols import ForceSample, MotionSample, Observer, interpolated, newest_since
 from cutenv.rig.errors import RigError
 from cutenv.rig.remote_spine import RemoteSpine
 from cutenv.rig.safety.monitors import NOMINAL_LAG, REST_SPEED
@@ -29,10 +28,11 @@ from cutenv.rig.safety.oversight import Oversight
 from cutenv.rig.safety.stop_causes import WATCH, Cause, StopReport
 from cutenv.rig.spine import Spine
 from cutenv.rig.travel import AIMED, SLICE, VALID, Travel
-from cutenv.tissue.drawn_lines import along_line
-from cutenv.tissue.lines import CutLine
-from cutenv.tissue.specimen import N_POINTS
-from cutenv.trace import CHANNELS, COMPONENTS_OF_FORCE
+from cutenv.sim.cutting.dtypes import READING, TICK
+from cutenv.sim.tissue.drawn_lines import along_line
+from cutenv.sim.tissue.lines import CutLine
+from cutenv.sim.tissue.specimen import N_POINTS
+from cutenv.sim.trace import CHANNELS, COMPONENTS_OF_FORCE
 
 _REMEMBERED = 400  # moments that are remembered: two for each decision
 
@@ -84,7 +84,7 @@ _KEPT = 4.0  # [s] of samples kept
 _UNKNOWN = ("true_force", "elastic_force", "tip", "jump")
 
 CHANNEL_READINGS: np.dtype[Any] = np.dtype([(name, "f8") for name in CHANNELS])
-"""Measurements of a rig beside a reading, :data:`cutenv.trace.CHANNELS`; 0 where no axis measures them."""
+"""Measurements of a rig beside a reading, :data:`cutenv.sim.trace.CHANNELS`; 0 where no axis measures them."""
 
 
 class ReadingGrid:
@@ -372,7 +372,7 @@ class RigPlant(Travel):
     def advance(
         self, speed: float, angle: float, ticks: int, descent_speed: float = 0.0, turn_rate: float = 0.0
     ) -> StructArray:
-        """Command ``speed`` [m/s] and ``angle`` [rad] for ``ticks`` milliseconds; see :class:`~cutenv.plant.Plant`.
+        """Command ``speed`` [m/s] and ``angle`` [rad] for ``ticks`` milliseconds; see :class:`~cutenv.sim.plant.Plant`.
 
         A rig with a height axis takes ``descent_speed`` [m/s], downwards, one with an axis to the side ``turn_rate``
         [rad/s], to the left: ``speed`` is then in the direction of :attr:`heading`.  What these axes measure is in
@@ -447,7 +447,7 @@ class RigPlant(Travel):
 
     @property
     def level(self) -> float:
-        """The same as :attr:`height`, under the name that :class:`cutenv.plant.DescendingPlant` has for it [m]."""
+        """The same as :attr:`height`, under the name that :class:`cutenv.sim.plant.DescendingPlant` has for it [m]."""
         return self.height
 
     @property

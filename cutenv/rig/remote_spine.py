@@ -38,8 +38,8 @@ from multiprocessing.connection import Connection
 from typing import Any, NoReturn
 
 from cutenv.rig.config.settings import RigSettings, SafetyLimits
-from cutenv.rig.devices.drivers import ForceSample, MotionSample, Phase
 from cutenv.rig.devices.host import SystemClock
+from cutenv.rig.devices.protocols import ForceSample, MotionSample, Phase
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.oversight import SIGNALS
 from cutenv.rig.safety.stop_causes import Cause, StopReport

@@ -16,8 +16,8 @@ from typing import Any, Protocol
 
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.driver_registry import Mounting, mounted
-from cutenv.rig.devices.drivers import ForceDriver, ForceSample, MotionDriver, MotionSample, Observer, ZeroedByHand
 from cutenv.rig.devices.host import Attempt, Clock, Repeating
+from cutenv.rig.devices.protocols import ForceDriver, ForceSample, MotionDriver, MotionSample, Observer, ZeroedByHand
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.monitors import ForceReadings
 from cutenv.rig.safety.stop_causes import AGAIN, WATCH, Cause

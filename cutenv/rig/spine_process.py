@@ -37,8 +37,8 @@ from multiprocessing.connection import Connection
 from queue import SimpleQueue
 from typing import Any
 
-from cutenv.rig.devices.drivers import DriveState, ForceSample, MotionSample
 from cutenv.rig.devices.host import SWITCH, Attempt, SystemClock, prefer
+from cutenv.rig.devices.protocols import DriveState, ForceSample, MotionSample
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.oversight import SIGNALS
 from cutenv.rig.safety.stop_causes import WATCH, Cause, StopReport

@@ -26,7 +26,7 @@ from cutenv.rig.devices.driver_registry import (
     CONDITIONAL,
     KIND_OF_ROLE,
     OPTIONS,
-    OWN_KEYS,
+    SHIPPED_KEYS,
     DriverKind,
     driven_roles,
     option_keys,
@@ -381,10 +381,10 @@ def _unread(settings: RigSettings) -> set[str]:
     """Return the fields, as in ``"bus.host"``, that no driver of this rig reads."""
     drivers = driven_roles(settings)
     used = set(drivers.values()) | {"opencv"}
-    unread = set().union(*(keys for name, keys in OWN_KEYS.items() if name not in used))
+    unread = set().union(*(keys for name, keys in SHIPPED_KEYS.items() if name not in used))
     for role in ("blade", "angle", "height", "side"):
         if drivers.get(role, "canopen") != "canopen":
-            unread |= {key for key in OWN_KEYS["canopen"] if key.startswith(f"{role}.")}
+            unread |= {key for key in SHIPPED_KEYS["canopen"] if key.startswith(f"{role}.")}
     return unread
 
 

@@ -1,4 +1,12 @@
-"""The task.
+"""Tasks: what an agent sees, is charged for and ends by.
 
-Gentle cutting, its rewards, its ends and its observation.
+Each task is declared in one module by the classes of :mod:`~cutenv.task.declare`: action axes, components of the
+observation, terms of the reward, costs of the whole cut, ends and success. The terms of gentle cutting stand in
+:mod:`~cutenv.task.reward`, those of the others in :mod:`~cutenv.task.depth` and :mod:`~cutenv.task.path`: a term is one
+entry there.
+
+:mod:`~cutenv.task.registry` lists the tasks with all that belongs to each. :mod:`~cutenv.task.stepper` compiles the
+step of a declared task, for one cut, rows of cuts and the readings of a rig. Nothing here knows Gymnasium.
+
+May import: records, sim.
 """

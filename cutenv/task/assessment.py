@@ -19,15 +19,15 @@ from cutenv._engine.declared import expression, fuse
 from cutenv._engine.intrinsics import first_row
 from cutenv._engine.jit import njit, njit_fused, njit_inline
 from cutenv._engine.randomness import Integer
-from cutenv.cutting.dtypes import TICK
-from cutenv.cutting.law import account, depth_at, stiffness_at, toughness_at
-from cutenv.cutting.row import LANES
+from cutenv.sim.cutting.dtypes import TICK
+from cutenv.sim.cutting.law import account, depth_at, stiffness_at, toughness_at
+from cutenv.sim.cutting.row import LANES
+from cutenv.sim.quantities import ANGLE_TOLERANCE, SHALLOWEST, TIP_TOLERANCE, lag, tip_error
+from cutenv.sim.tissue.grid import N_POINTS, POINTS_PER_METRE
 from cutenv.task import info, observation, reward
 from cutenv.task.info import INFO_FIELDS, column
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, CLIP, COMPONENTS
 from cutenv.task.reward import CUT_ENDS, ENDS, OF_MILLISECOND, REWARD
-from cutenv.task_quantities import ANGLE_TOLERANCE, SHALLOWEST, TIP_TOLERANCE, lag, tip_error
-from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
 
 NEAR_TARGET = 0.010
 """Distance from the target to which the blade must have come before the task can be finished [m]."""

@@ -15,14 +15,14 @@ from cutenv._engine.declared import compiled_for
 from cutenv._engine.jit import njit, njit_internal, njit_nogil
 from cutenv._engine.parallel import WorkQueue, mark_done, next_chunk
 from cutenv._engine.randomness import DEPTH_ERROR, LENGTH_DRAW, TASK, Integer, uniform_at
+from cutenv.sim.quantities import MEASURABLE_DEPTH
+from cutenv.sim.tissue.grid import N_POINTS
+from cutenv.sim.tissue.slab import fill_stiffness
+from cutenv.sim.tissue.specimen import nominal_stiffness, vary_surface
+from cutenv.sim.tissue.specimen_kernels import add_vessels, is_vascular, sample_profiles, smooth_field
 from cutenv.task.assessment import COUNT_ONE, observe_rest
 from cutenv.task.declare import Cuts, OneCut, Task
 from cutenv.task.stepper import batch_of_one
-from cutenv.task_quantities import MEASURABLE_DEPTH
-from cutenv.tissue.grid import N_POINTS
-from cutenv.tissue.sampling import add_vessels, is_vascular, sample_profiles, smooth_field
-from cutenv.tissue.slab import fill_stiffness
-from cutenv.tissue.specimen import nominal_stiffness, vary_surface
 
 SHORTEST, LONGEST = 0.060, 0.100
 """Range from which the target length is sampled [m]."""
@@ -69,7 +69,7 @@ class Start(NamedTuple):
     cuts: Cuts
     """One cut at its start; what depends on the key is filled in."""
     expected: StructArray
-    """Mean tissue, :data:`cutenv.tissue.specimen.NOMINAL` of shape (1,), that a rig expects."""
+    """Mean tissue, :data:`cutenv.sim.tissue.specimen.NOMINAL` of shape (1,), that a rig expects."""
     source: int
     """LIVER, VASCULAR, MIXED or GIVEN."""
     target: float
@@ -90,17 +90,17 @@ class Drawing(NamedTuple):
     """Tables from which specimens, surfaces and the lab's knowledge of them are drawn with a key."""
 
     recipe: StructArray
-    """See :func:`cutenv.tissue.sampling.sample_profiles`, and for ``modes``."""
+    """See :func:`cutenv.sim.tissue.specimen_kernels.sample_profiles`, and for ``modes``."""
     modes: Array
     depth_noise: float
     """See :func:`measure_depth`, and for ``depth_modes``."""
     depth_modes: Array
     surface: tuple[float, float, Array]
-    """Spread [m], greatest depth [m] and modes of :func:`cutenv.tissue.specimen.vary_surface`; spread 0: every drawn
-    specimen has the mean surface."""
+    """Spread [m], greatest depth [m] and modes of :func:`cutenv.sim.tissue.specimen.vary_surface`; spread 0: every
+    drawn specimen has the mean surface."""
     worn: Array
-    """Fracture resistance over that of a new blade, :meth:`cutenv.tissue.specimen.BladeWear.factors`, shape (301,); a
-    given specimen has it already."""
+    """Fracture resistance over that of a new blade, :meth:`cutenv.sim.tissue.specimen.BladeWear.factors`, shape (301,);
+    a given specimen has it already."""
 
 
 @njit_internal

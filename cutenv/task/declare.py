@@ -18,20 +18,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cutenv import task_quantities
 from cutenv._base.arrays import Array, Struct, StructArray
 from cutenv._engine.declared import Declaration, Formula, compiled_for, expression, fuse
 from cutenv._engine.jit import njit, njit_fused, njit_inline, njit_internal
-from cutenv.cutting.dtypes import DRIVE, LAW, PROFILE, STATE
-from cutenv.cutting.motion import NOTHING, STRAIGHT, Motion, Moving
-from cutenv.cutting.row import Plain
-from cutenv.cutting.sensor import SENSOR, WRAP
+from cutenv.sim import quantities
+from cutenv.sim.cutting.dtypes import DRIVE, LAW, PROFILE, STATE
+from cutenv.sim.cutting.motion import NOTHING, STRAIGHT, Motion, Moving
+from cutenv.sim.cutting.row import Plain
+from cutenv.sim.cutting.sensor import SENSOR, WRAP
+from cutenv.sim.quantities import WholeCutTerm
+from cutenv.sim.tissue.crack_tip import ASSESSED_TIP
 from cutenv.task.assessment import COUNT_ONE
 from cutenv.task.info import INFO
 from cutenv.task.observation import CLIP, COMPONENTS, DEAD_ZONE, Component
 from cutenv.task.reward import ENDS, PROGRESS, SPECIMEN, TASK, TERMS
-from cutenv.task_quantities import WholeCutTerm
-from cutenv.tissue.crack_tip import ASSESSED_TIP
 
 WHOLE: np.dtype[Any] = np.dtype((np.record, [("success", "i8")]))
 """Assessment of the whole cut where nothing is asked of it but a success."""
@@ -48,7 +48,7 @@ class Cuts(NamedTuple):
     drives: StructArray
     sensors: StructArray
     motions: StructArray
-    """Records of the motion, :attr:`~cutenv.cutting.motion.Motion.record`."""
+    """Records of the motion, :attr:`~cutenv.sim.cutting.motion.Motion.record`."""
     shared: StructArray
     """Record that all cuts share, shape (1,)."""
     tasks: StructArray
@@ -92,7 +92,7 @@ class OneCut(NamedTuple):
     """One cut and its episode: records of shape (1,)."""
 
     cut: StructArray
-    """:attr:`~cutenv.cutting.motion.Motion.cut`."""
+    """:attr:`~cutenv.sim.cutting.motion.Motion.cut`."""
     shared: StructArray
     """Record that all cuts of the task and tissue share."""
     episode: StructArray
@@ -342,7 +342,7 @@ def charge(task: Task) -> Any:
             f"whole.total_{cost.name} = 0.0 - whole.weight_{cost.name} * {value}",
             f"whole.term_{cost.name} = whole.total_{cost.name} - before",
         ]
-    return fuse("charge", ["whole", "target"], lines, [task_quantities, __name__])
+    return fuse("charge", ["whole", "target"], lines, [quantities, __name__])
 
 
 @compiled_for(njit_fused)

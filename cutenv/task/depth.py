@@ -4,7 +4,7 @@ Cut along a wanted depth, without opening the layer below.
 
 A rig sees neither tip nor floor.  The tip is estimated from the force, with the stiffness of the mean tissue at the
 depth to which the blade is engaged; the floor is that which the mean tissue would have under this blade
-(:func:`cutenv.tissue.floor.follow_floor`).  No layer below is known, and none is charged.
+(:func:`cutenv.sim.tissue.floor.follow_floor`).  No layer below is known, and none is charged.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from cutenv._engine.elementary import log
 from cutenv._engine.intrinsics import prefetch
 from cutenv._engine.jit import njit, njit_inline, njit_internal
 from cutenv._engine.randomness import VERTICAL_NOISE, Integer, normal_at
-from cutenv.cutting.descent import (
+from cutenv.sim.cutting.descent import (
     DESCENDING,
     DESCENT,
     DescentParameters,
@@ -31,8 +31,25 @@ from cutenv.cutting.descent import (
     renew,
     shared_record,
 )
-from cutenv.cutting.dtypes import TICK
-from cutenv.cutting.law import grid_index, lerp
+from cutenv.sim.cutting.dtypes import TICK
+from cutenv.sim.cutting.law import grid_index, lerp
+from cutenv.sim.quantities import (
+    DEPTH_COSTS,
+    DEPTH_TOLERANCE,
+    LAYER_LIMIT,
+    LAYER_TOLERANCE,
+    OF_MAP,
+    into_layer,
+    left_uncut,
+    too_deep,
+)
+from cutenv.sim.tissue.crack_tip import ESTIMATED_EVERY
+from cutenv.sim.tissue.description import TissueDescription
+from cutenv.sim.tissue.floor import FLOOR_EVERY, follow_floor
+from cutenv.sim.tissue.grid import N_POINTS, POINTS_PER_METRE, SPACING
+from cutenv.sim.tissue.layers import Layers
+from cutenv.sim.tissue.slab import cut_through
+from cutenv.sim.tissue.specimen import Specimen, SurfaceSpread, nominal_stiffness
 from cutenv.task.declare import (
     WAYS,
     ActionAxis,
@@ -50,23 +67,6 @@ from cutenv.task.episode import Episode, Goal, ShownDepth, TaskOptions
 from cutenv.task.observation import COMPONENTS, SPEED_SCALE, Component, speed_action, to_action
 from cutenv.task.reward import with_weights
 from cutenv.task.wanted_depth import AT_LEVEL, WANTED_KINDS, draw_layer, draw_wanted
-from cutenv.task_quantities import (
-    DEPTH_COSTS,
-    DEPTH_TOLERANCE,
-    LAYER_LIMIT,
-    LAYER_TOLERANCE,
-    OF_MAP,
-    into_layer,
-    left_uncut,
-    too_deep,
-)
-from cutenv.tissue.crack_tip import ESTIMATED_EVERY
-from cutenv.tissue.description import TissueDescription
-from cutenv.tissue.floor import FLOOR_EVERY, follow_floor
-from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE, SPACING
-from cutenv.tissue.layers import Layers
-from cutenv.tissue.slab import cut_through
-from cutenv.tissue.specimen import Specimen, SurfaceSpread, nominal_stiffness
 
 DESCENT_SCALE = 0.010
 """Speed downwards of descent action 1 [m/s]."""
@@ -549,8 +549,8 @@ class DepthOptions(TaskOptions):
     ----------
     keywords : dict
         Keywords of the environment, of which these are removed: ``wanted``, ``layer``, and the fields of
-        :class:`DepthConstants`, :class:`~cutenv.cutting.descent.DescentParameters` and
-        :class:`~cutenv.tissue.specimen.SurfaceSpread`.
+        :class:`DepthConstants`, :class:`~cutenv.sim.cutting.descent.DescentParameters` and
+        :class:`~cutenv.sim.tissue.specimen.SurfaceSpread`.
 
     Attributes
     ----------
@@ -583,11 +583,11 @@ class DepthOptions(TaskOptions):
         return settings_record(DEPTH, self.constants)
 
     def motion(self, specimen: Specimen) -> StructArray:
-        """Return the vertical motion before a cut begins, :data:`~cutenv.cutting.descent.DESCENT` of shape (1,)."""
+        """Return the vertical motion before a cut begins, :data:`~cutenv.sim.cutting.descent.DESCENT` of shape (1,)."""
         return descent_records([specimen], specimen.tissue.layers if self.layer else None, self.descent)
 
     def shared(self, tissue: TissueDescription) -> StructArray:
-        """Return slab and mean tissue, :data:`~cutenv.cutting.descent.SHARED` of shape (1,)."""
+        """Return slab and mean tissue, :data:`~cutenv.sim.cutting.descent.SHARED` of shape (1,)."""
         return shared_record(tissue)
 
     def expected(self, tissue: TissueDescription) -> StructArray:
@@ -686,7 +686,7 @@ class DepthEpisode(Episode):
     @property
     def noted(self) -> dict[str, Any]:
         """Target length and wanted depth for the metadata of a record, by key."""
-        from cutenv.measurement.depth import WANTED_DEPTH_KEY, corners  # slow to import, for a record alone
+        from cutenv.records.measurement.depth import WANTED_DEPTH_KEY, corners  # slow to import, for a record alone
 
         wanted = self.whole["wanted"][0]
         return super().noted | {WANTED_DEPTH_KEY: corners(np.arange(len(wanted), dtype=np.float64) * SPACING, wanted)}
@@ -694,7 +694,7 @@ class DepthEpisode(Episode):
     @property
     def given_depth(self) -> dict[str, Any]:
         """Depths that are given, by key of a record's metadata: the wanted one, and the layer below if there is one."""
-        from cutenv.measurement.depth import LAYER_DEPTH_KEY, WANTED_DEPTH_KEY
+        from cutenv.records.measurement.depth import LAYER_DEPTH_KEY, WANTED_DEPTH_KEY
 
         given, boundary = {WANTED_DEPTH_KEY: self.noted[WANTED_DEPTH_KEY]}, float(self.motion["boundary"][0])
         return given | ({LAYER_DEPTH_KEY: boundary} if boundary < float(self.motion["thickness"][0]) else {})
@@ -702,7 +702,7 @@ class DepthEpisode(Episode):
     @property
     def noted_map(self) -> dict[str, Any]:
         """Notes of a simulated record on its depth, by key of its metadata: errors, given depths, floor at the end."""
-        from cutenv.scoring.truth import FLOOR_AT_END
+        from cutenv.records.scoring.truth import FLOOR_AT_END
 
         errors = {name: round(value, 3) for name, value in self.errors.items()}
         return errors | self.given_depth | {FLOOR_AT_END: np.round(self.floor_to_tip, 6).tolist()}

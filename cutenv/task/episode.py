@@ -13,9 +13,12 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array, StructArray
 from cutenv._engine.jit import njit
-from cutenv.cutting.dtypes import PROFILE, READING
-from cutenv.cutting.simulate import Physics
-from cutenv.plant.simulator import SimulatedPlant
+from cutenv.sim.cutting.dtypes import PROFILE, READING
+from cutenv.sim.cutting.simulate import Physics
+from cutenv.sim.plant.simulator import SimulatedPlant
+from cutenv.sim.tissue.crack_tip import believe_mean
+from cutenv.sim.tissue.description import TissueDescription
+from cutenv.sim.tissue.specimen import Specimen, SurfaceSpread, nominal_tissue
 from cutenv.task.assessment import charge_end
 from cutenv.task.beginning import begin_at, begin_one, drawn_length, expect, expect_one
 from cutenv.task.declare import GENTLE_CUT, WAYS, Cuts, OneCut, Task, command_of
@@ -23,9 +26,6 @@ from cutenv.task.info import COST, GROUPS, OUT_OF_RANGE, PLACES, WHOLE_NUMBERS
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, commanded_speed
 from cutenv.task.reward import ENDS, STOPPED, TERMS, Limits, RewardWeights, task_record
 from cutenv.task.stepper import assess_readings, observe_one, step_one, tell_one
-from cutenv.tissue.crack_tip import believe_mean
-from cutenv.tissue.description import TissueDescription
-from cutenv.tissue.specimen import Specimen, SurfaceSpread, nominal_tissue
 
 _GROUPS = {group: tuple(field.name for field in fields) for group, fields in GROUPS.items()}
 

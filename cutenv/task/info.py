@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from cutenv._engine.declared import Formula
-from cutenv.cutting.law import (
+from cutenv.sim.cutting.law import (
     EnergyAccount,
     initiation_excess,  # used by a formula
 )
+from cutenv.sim.quantities import RUN_ALLOWED, overshoot
 from cutenv.task.reward import TERMS
-from cutenv.task_quantities import RUN_ALLOWED, overshoot
 
 
 @dataclass(frozen=True, kw_only=True)

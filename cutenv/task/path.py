@@ -4,7 +4,7 @@ Cut along a drawn line, by a blade that is steered.
 
 A rig does not see the cut.  How far it has come along the line is estimated from the force along the blade, with the
 stiffness of the mean tissue; to the side it runs where a crack of that length would run in mean tissue behind this
-blade, as a record is scored (:mod:`cutenv.tissue.path_model`).  A crack that only turned toward the measured force
+blade, as a record is scored (:mod:`cutenv.sim.tissue.path_model`).  A crack that only turned toward the measured force
 would drift away from the blade by the errors of that force.
 """
 
@@ -22,9 +22,9 @@ from cutenv._base.validation import check_parameters, one_of, parameter, taken_f
 from cutenv._engine.intrinsics import as_float64_view, prefetch
 from cutenv._engine.jit import njit, njit_inline, njit_internal
 from cutenv._engine.randomness import LATERAL_NOISE, LINE_DRAW, TASK, Integer, normal_at, three_normals_at, uniform_at
-from cutenv.cutting.dtypes import TICK
-from cutenv.cutting.law import grid_index, lerp
-from cutenv.cutting.steering import (
+from cutenv.sim.cutting.dtypes import TICK
+from cutenv.sim.cutting.law import grid_index, lerp
+from cutenv.sim.cutting.steering import (
     LINE_REACH,
     STEERED,
     STEERING,
@@ -38,6 +38,23 @@ from cutenv.cutting.steering import (
     stand_on_line,
     turned,
 )
+from cutenv.sim.quantities import FARTHEST_TOLERANCE, LINE_LIMIT, LINE_TOLERANCE, OF_PATH, PATH_COSTS
+from cutenv.sim.tissue.crack_tip import ESTIMATED_EVERY
+from cutenv.sim.tissue.description import TissueDescription
+from cutenv.sim.tissue.drawn_lines import (
+    KINDS,
+    LEAST_LENGTH,
+    MIXED_KINDS,
+    MIXED_LINES,
+    OF_A_KIND,
+    DrawnLines,
+    drawn_lines,
+    given_line,
+)
+from cutenv.sim.tissue.grid import LENGTH, N_POINTS, POINTS_PER_METRE, SPACING
+from cutenv.sim.tissue.lines import WIDTH, CutLine, length_within, places_within, through
+from cutenv.sim.tissue.specimen import Specimen
+from cutenv.sim.trace import PLACE
 from cutenv.task.beginning import LONGEST, drawn_length
 from cutenv.task.declare import (
     WAYS,
@@ -55,23 +72,6 @@ from cutenv.task.declare import (
 from cutenv.task.episode import Episode, Goal, ShownPath, TaskOptions
 from cutenv.task.observation import SPEED_SCALE, Component, speed_action, to_action
 from cutenv.task.reward import with_weights
-from cutenv.task_quantities import FARTHEST_TOLERANCE, LINE_LIMIT, LINE_TOLERANCE, OF_PATH, PATH_COSTS
-from cutenv.tissue.crack_tip import ESTIMATED_EVERY
-from cutenv.tissue.description import TissueDescription
-from cutenv.tissue.drawn_lines import (
-    KINDS,
-    LEAST_LENGTH,
-    MIXED_KINDS,
-    MIXED_LINES,
-    OF_A_KIND,
-    DrawnLines,
-    drawn_lines,
-    given_line,
-)
-from cutenv.tissue.grid import LENGTH, N_POINTS, POINTS_PER_METRE, SPACING
-from cutenv.tissue.lines import WIDTH, CutLine, length_within, places_within, through
-from cutenv.tissue.specimen import Specimen
-from cutenv.trace import PLACE
 
 TURN_SCALE = 1.5
 """Rate of turn of action 1 [rad/s]: more than the sharpest bend of a line at full speed asks for."""
@@ -156,7 +156,7 @@ GIVEN_LINE = MIXED_LINES + 1
 """Number, after those of the kinds, of a line that is given."""
 _KINDS = len(MIXED_KINDS)
 _EVERY = round(ESTIMATED_EVERY / TICK)
-_STEP = 0.0002  # [m] of line after which the expected crack turns, as in cutenv.tissue.path_model
+_STEP = 0.0002  # [m] of line after which the expected crack turns, as in cutenv.sim.tissue.path_model
 _AHEAD = 10  # points of the grid in the first distance at which the line is observed
 _STEERING, _LINES = np.int64(STEERING.itemsize // 8), 5  # numbers in a record; cache lines of its first ones
 _X, _Y, _EAST, _NORTH, _LATERAL = range(5)  # places of the measurements of a rig
@@ -667,7 +667,7 @@ class PathOptions(TaskOptions):
     ----------
     keywords : dict
         Keywords of the environment, of which these are removed: ``line``, and the fields of :class:`PathConstants` and
-        :class:`~cutenv.cutting.steering.SteeringParameters`.
+        :class:`~cutenv.sim.cutting.steering.SteeringParameters`.
 
     Attributes
     ----------
@@ -703,7 +703,7 @@ class PathOptions(TaskOptions):
         return settings_record(PATH, self.constants)
 
     def motion(self, specimen: Specimen) -> StructArray:
-        """Return the place in the plane before a line is laid, :data:`~cutenv.cutting.steering.STEERING` of (1,)."""
+        """Return the place in the plane before a line is laid: :data:`~cutenv.sim.cutting.steering.STEERING`, (1,)."""
         record = np.zeros(1, STEERING)
         record["crack_curvature"] = self.steering.crack_curvature
         record["reach"], record["side"] = LINE_REACH, WIDTH
@@ -774,14 +774,14 @@ class PathEpisode(Episode):
     @property
     def noted_line(self) -> dict[str, Any]:
         """The line for the metadata of a record: places within the slab [m], by its key."""
-        from cutenv.scoring.cut_map import LINE_KEY
+        from cutenv.records.scoring.cut_map import LINE_KEY
 
         return {LINE_KEY: np.round(places_within(self.line), 6).tolist()}
 
     @property
     def noted_map(self) -> dict[str, Any]:
         """Notes of a simulated record on its path, by key of its metadata: errors, line, and the cut beside it [m]."""
-        from cutenv.scoring.truth import ASIDE_AT_END
+        from cutenv.records.scoring.truth import ASIDE_AT_END
 
         errors = {name: round(value, 3) for name, value in self.errors.items()}
         return errors | self.noted_line | {ASIDE_AT_END: np.round(self.aside_to_tip, 6).tolist()}

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import StructArray
 from cutenv._engine.jit import njit
-from cutenv.cutting.law import depth_at, elastic_force, force_to_grow, stiffness_at, toughness_at
+from cutenv.sim.cutting.law import depth_at, elastic_force, force_to_grow, stiffness_at, toughness_at
 from cutenv.task.declare import Cuts, Task
 from cutenv.task.observation import CLIP
 

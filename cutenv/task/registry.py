@@ -65,7 +65,7 @@ class RegisteredTask:
     """Scores that tell how well they follow it: name, words, unit, and number of decimals."""
 
     features: ImportedField = ImportedField()
-    """Class of what a learner is shown, such as :class:`cutenv.policy.Features`."""
+    """Class of what a learner is shown, such as :class:`cutenv.agents.policy.Features`."""
     scripts: ImportedField = ImportedField()
     """Scripts that learners imitate, correct and are compared with: makers by name."""
     script: str = ""
@@ -77,12 +77,12 @@ class RegisteredTask:
     options: Mapping[str, Any] = field(default_factory=dict)
     """Options of PPO that differ from its defaults."""
     infos: ImportedField = ImportedField()
-    """Infos of data sets besides those of gentle cutting, :class:`cutenv.learning.demonstration.AddedInfos`."""
+    """Infos of data sets besides those of gentle cutting, :class:`cutenv.agents.learning.demonstration.AddedInfos`."""
 
     played: ImportedField = ImportedField()
-    """Class of a cut by a person in a window, a :class:`cutenv.play.played_cut.PlayedCut`."""
+    """Class of a cut by a person in a window, a :class:`cutenv.people.play.played_cut.PlayedCut`."""
     hand: ImportedField = ImportedField()
-    """Class of a cut by a person in a page, a :class:`cutenv.browser.stylus_steps.HandCut`."""
+    """Class of a cut by a person in a page, a :class:`cutenv.people.browser.stylus_steps.HandCut`."""
 
     @property
     def privileged(self) -> tuple[str, ...]:
@@ -124,12 +124,12 @@ def _excision(name: str, stem: str, along: str, scripts: str, script: str) -> Re
         vector=f"cutenv.envs.path_cut:{stem}VectorEnv",
         along=along,
         errors=_OFF_LINE,
-        features="cutenv.policy.path_policies:PathFeatures",
-        scripts=f"cutenv.policy.path_policies:{scripts}",
+        features="cutenv.agents.policy.path_policies:PathFeatures",
+        scripts=f"cutenv.agents.policy.path_policies:{scripts}",
         script=script,
-        planner="cutenv.policy.map_planner:PathPlanner",
+        planner="cutenv.agents.policy.third_axis_planners:PathPlanner",
         options=_ALONG_LINE,
-        infos="cutenv.learning.demonstration:PATH_INFOS",
+        infos="cutenv.agents.learning.demonstration:PATH_INFOS",
     )  # fmt: skip
 
 
@@ -143,13 +143,13 @@ _SHIPPED = (
         rig_id="cutenv/RigCut-v1",
         rig="cutenv.envs.rig_cut:RigCutEnv",
         errors=(("tip_error_mm", "tip error", "mm", 2), ("largest_jump_mm", "largest jump", "mm", 2)),
-        features="cutenv.policy:Features",
-        scripts="cutenv.policy:SCRIPTS",
+        features="cutenv.agents.policy:Features",
+        scripts="cutenv.agents.policy:SCRIPTS",
         script="return stroke",
-        policies="cutenv.policy:BASELINES",
-        planner="cutenv.policy:PlannerWithTruth",
-        played="cutenv.play.played_cut:PlayedCut",
-        hand="cutenv.browser.stylus_steps:HandCut",
+        policies="cutenv.agents.policy:BASELINES",
+        planner="cutenv.agents.policy:PlannerWithTruth",
+        played="cutenv.people.play.played_cut:PlayedCut",
+        hand="cutenv.people.browser.stylus_steps:HandCut",
     ),
     RegisteredTask(
         name="depth",
@@ -161,17 +161,17 @@ _SHIPPED = (
         rig="cutenv.envs.rig_cut:RigDepthCutEnv",
         along="along a wanted depth",
         errors=(("mean_error_mm", "mean error of the depth", "mm", 2), ("layer_mm", "into the layer below", "mm", 3)),
-        features="cutenv.policy.depth_policies:DepthFeatures",
-        scripts="cutenv.policy.depth_policies:DEPTH_SCRIPTS",
+        features="cutenv.agents.policy.depth_policies:DepthFeatures",
+        scripts="cutenv.agents.policy.depth_policies:DEPTH_SCRIPTS",
         script="depth by two forces",
-        planner="cutenv.policy.map_planner:DepthPlanner",
+        planner="cutenv.agents.policy.third_axis_planners:DepthPlanner",
         options={
             **_CORRECTING, "timesteps": 5_000_000, "exploration": 0.12, "last_exploration": 0.03,
             "learning_rate": 1e-3,
         },
-        infos="cutenv.learning.demonstration:DEPTH_INFOS",
-        played="cutenv.play.played_depth_cut:PlayedDepthCut",
-        hand="cutenv.browser.stylus_steps:HandDepthCut",
+        infos="cutenv.agents.learning.demonstration:DEPTH_INFOS",
+        played="cutenv.people.play.played_depth_cut:PlayedDepthCut",
+        hand="cutenv.people.browser.stylus_steps:HandDepthCut",
     ),
     RegisteredTask(
         name="path",
@@ -184,14 +184,14 @@ _SHIPPED = (
         along="along a drawn line",
         line=True,
         errors=_OFF_LINE,
-        features="cutenv.policy.path_policies:PathFeatures",
-        scripts="cutenv.policy.path_policies:PATH_SCRIPTS",
+        features="cutenv.agents.policy.path_policies:PathFeatures",
+        scripts="cutenv.agents.policy.path_policies:PATH_SCRIPTS",
         script="steer by force",
-        planner="cutenv.policy.map_planner:PathPlanner",
+        planner="cutenv.agents.policy.third_axis_planners:PathPlanner",
         options=_ALONG_LINE,
-        infos="cutenv.learning.demonstration:PATH_INFOS",
-        played="cutenv.play.played_path_cut:PlayedPathCut",
-        hand="cutenv.browser.stylus_steps:HandPathCut",
+        infos="cutenv.agents.learning.demonstration:PATH_INFOS",
+        played="cutenv.people.play.played_path_cut:PlayedPathCut",
+        hand="cutenv.people.browser.stylus_steps:HandPathCut",
     ),
     _excision("excision", "Excision", "along one side of an excision", "EXCISION_SCRIPTS", "excision by force"),
     _excision(

@@ -31,9 +31,8 @@ import numpy as np
 from cutenv._base.arrays import StructArray
 from cutenv._base.validation import check_parameters, parameter
 from cutenv._engine.declared import Formula
-from cutenv.cutting.dtypes import TICK
-from cutenv.task.observation import SPEED_SCALE, speed_action
-from cutenv.task_quantities import (
+from cutenv.sim.cutting.dtypes import TICK
+from cutenv.sim.quantities import (
     DECELERATION,
     FORCE_ALLOWED,
     FORCE_LIMIT_PER_DEPTH,
@@ -48,7 +47,8 @@ from cutenv.task_quantities import (
     lag,
     wedge,
 )
-from cutenv.tissue.grid import N_POINTS
+from cutenv.sim.tissue.grid import N_POINTS
+from cutenv.task.observation import SPEED_SCALE, speed_action
 
 WITHDRAWN = 0.020
 """Distance of drawing back unloaded after which the cut is finished [m]."""

@@ -19,12 +19,27 @@ from cutenv._engine.intrinsics import as_float64_view, first_row, keep_alive, pr
 from cutenv._engine.jit import njit, njit_inline, njit_internal, njit_nogil
 from cutenv._engine.parallel import WorkQueue, mark_done, next_chunk
 from cutenv._engine.randomness import Integer
-from cutenv.cutting.dtypes import DRIVE, LAW, STATE, TICK
-from cutenv.cutting.law import depth_at, grid_index
-from cutenv.cutting.motion import Moving
-from cutenv.cutting.row import LANES, ROW, Plain, begin, gather, lane_views, note, pad, plain_views, put, scatter, take
-from cutenv.cutting.sensor import SENSOR, WRAP
-from cutenv.cutting.update import update_row
+from cutenv.sim.cutting.dtypes import DRIVE, LAW, STATE, TICK
+from cutenv.sim.cutting.law import depth_at, grid_index
+from cutenv.sim.cutting.motion import Moving
+from cutenv.sim.cutting.row import (
+    LANES,
+    ROW,
+    Plain,
+    begin,
+    gather,
+    lane_views,
+    note,
+    pad,
+    plain_views,
+    put,
+    scatter,
+    take,
+)
+from cutenv.sim.cutting.sensor import SENSOR, WRAP
+from cutenv.sim.cutting.update import update_row
+from cutenv.sim.quantities import SHALLOWEST, SMALLEST_RUN
+from cutenv.sim.tissue.crack_tip import ESTIMATED_EVERY, BladeReading, MeanTissue, assess_tip
 from cutenv.task.assessment import (
     COUNT,
     N_FIELDS,
@@ -44,8 +59,6 @@ from cutenv.task.assessment import (
 from cutenv.task.declare import WAYS, Cuts, OneCut, Stepping, Task, charge, command_of, terms
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, commanded_speed
 from cutenv.task.reward import ENDS, PROGRESS, SAFETY_ENDS, TASK
-from cutenv.task_quantities import SHALLOWEST, SMALLEST_RUN
-from cutenv.tissue.crack_tip import ESTIMATED_EVERY, BladeReading, MeanTissue, assess_tip
 
 _UPDATES = round(ESTIMATED_EVERY / TICK)  # whatever the decision rate
 
@@ -57,7 +70,7 @@ def estimated_tip(
     """Return tip and unstable growth [m] at update ``tick`` (from 1 at reset); both change every 20 ms.
 
     The tip's advance beyond the blade's counts as an unstable run.  ``memory`` is
-    :data:`~cutenv.tissue.crack_tip.ASSESSED_TIP`, changed in place.
+    :data:`~cutenv.sim.tissue.crack_tip.ASSESSED_TIP`, changed in place.
     """
     if tick % _UPDATES != 0:
         return memory.tip, 0.0
@@ -164,7 +177,7 @@ class Decision(NamedTuple):
     infos: StructArray
     """Filled, :data:`~cutenv.task.info.INFO` of shape (n,)."""
     readings: StructArray
-    """Filled up to the end of a cut, :data:`~cutenv.cutting.dtypes.READING` of shape (n, ticks), or (0, 0) for none."""
+    """Filled up to a cut's end, :data:`~cutenv.sim.cutting.dtypes.READING` of shape (n, ticks); (0, 0) for none."""
 
 
 class Ahead(NamedTuple):
@@ -446,7 +459,7 @@ def assess_readings(task: Task) -> Callable[..., tuple[float, int]]:
         one : OneCut
             The cut, as memory alone, and its episode, changed in place.
         readings : Records, shape (n,)
-            :data:`~cutenv.cutting.dtypes.READING`; those after an end do not count.
+            :data:`~cutenv.sim.cutting.dtypes.READING`; those after an end do not count.
         ways : array, shape (n, WAYS)
             Further measurements at each reading, the force across the cut [N] last.
         action, observation : array, shape (m,), (components,) float32

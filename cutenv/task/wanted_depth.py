@@ -8,7 +8,7 @@ from cutenv._base.arrays import Array, Struct
 from cutenv._engine.elementary import exp, log
 from cutenv._engine.jit import njit_internal
 from cutenv._engine.randomness import TASK, WANTED_DRAW, Integer, uniform_at
-from cutenv.tissue.grid import N_POINTS, SPACING
+from cutenv.sim.tissue.grid import N_POINTS, SPACING
 
 AT_LEVEL, UNCHANGING, RAMPED, STEPPED, MIXED_WANTED = range(5)
 """Kinds of wanted depth: the specimen's own profile (a blade that stays at level 0), or a depth below the surface."""

@@ -1,7 +1,11 @@
-"""Depth of cut from video, beads tracked in two X-ray views, and their displacements against the model.
+"""Measurement by cameras and X-rays of a cut.
 
-The specimen's frame is that of :class:`cutenv.tissue.cut_model.CutModel`: x across the cut line, y along it from the
-clamp, z up from the plate [m].
+Depth of cut from video, beads tracked in two X-ray views, and their displacements against the model (extra ``vision``).
+
+The specimen's frame is that of :class:`cutenv.sim.tissue.cut_model.CutModel`: x across the cut line, y along it from
+the clamp, z up from the plate [m].
+
+May import: task, records, sim.
 """
 
 from cutenv.vision.bead_tracks import BeadTracks

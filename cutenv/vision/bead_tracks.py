@@ -21,8 +21,8 @@ from numpy.typing import ArrayLike, NDArray
 from cutenv._base.arrays import Array, Indices
 from cutenv._base.output import atomic_write
 from cutenv._base.validation import in_range
-from cutenv.measurement import ModulusEstimate, Segment
-from cutenv.trace import Trace
+from cutenv.records.measurement import ModulusEstimate, Segment
+from cutenv.sim.trace import Trace
 
 TRACKS_SCHEMA = "cutenv.bead_tracks/1"
 """Name and version of the file's columns."""
@@ -254,8 +254,8 @@ def bead_rises(tracks: BeadTracks, trace: Trace, moduli: ModulusEstimate) -> Bea
     trace : Trace
         Record of the same cut, with position; force in newtons.
     moduli : ModulusEstimate
-        Its local effective moduli (:func:`~cutenv.measurement.estimate_local_effective_moduli`), whose segments are
-        the ramps.
+        Its local effective moduli (:func:`~cutenv.records.measurement.estimate_local_effective_moduli`), whose segments
+        are the ramps.
 
     Returns
     -------

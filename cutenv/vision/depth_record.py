@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import one_of
-from cutenv.measurement.depth import DEPTH_SD_KEY
-from cutenv.measurement.segments import loading_segments, smoothing_readings_of
-from cutenv.trace import Trace
+from cutenv.records.measurement.depth import DEPTH_SD_KEY
+from cutenv.records.measurement.segments import loading_segments, smoothing_readings_of
+from cutenv.sim.trace import Trace
 from cutenv.vision.blade_mark import MarkedBlade
 from cutenv.vision.cameras import GreyImage, angle_between
 from cutenv.vision.film_source import VideoFrame

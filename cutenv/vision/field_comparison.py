@@ -18,10 +18,10 @@ from scipy.stats import t as student
 
 from cutenv._base.arrays import Array, Indices
 from cutenv._base.validation import array_in_range, in_range, one_of
-from cutenv.measurement import DepthProfile, ModulusEstimate, estimate_local_effective_moduli
-from cutenv.tissue.cut_model import CutModel
-from cutenv.tissue.slab import effective_depth, zoned_model
-from cutenv.trace import Trace
+from cutenv.records.measurement import DepthProfile, ModulusEstimate, estimate_local_effective_moduli
+from cutenv.sim.tissue.cut_model import CutModel
+from cutenv.sim.tissue.slab import effective_depth, zoned_model
+from cutenv.sim.trace import Trace
 from cutenv.vision.bead_tracks import BeadRises, BeadTracks, RampLoad, bead_rises
 
 
@@ -403,7 +403,7 @@ def compare_field(measured: FilmedMeasurement, borders: ArrayLike = (), moduli: 
     measured : FilmedMeasurement
         Cut, see :func:`~cutenv.vision.field_comparison.measure_filmed_cut`.
     borders, moduli : array_like
-        Zones along the cut, see `cutenv.tissue.slab`; only the ratios of the moduli count. By default
+        Zones along the cut, see `cutenv.sim.tissue.slab`; only the ratios of the moduli count. By default
         one zone.
     """
     slab, rises = measured.slab, measured.rises

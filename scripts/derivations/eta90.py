@@ -20,11 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from cutenv.cutting.dtypes import TICK
-from cutenv.plant import SimulatedPlant
-from cutenv.tissue.description import TissueDescription, following_means, tables_only
-from cutenv.tissue.specimen import Specimen
-from cutenv.tissue.tables import DerivedConstant, table, write_derived
+from cutenv.sim.cutting.dtypes import TICK
+from cutenv.sim.plant import SimulatedPlant
+from cutenv.sim.tissue.description import TissueDescription, following_means, tables_only
+from cutenv.sim.tissue.specimen import Specimen
+from cutenv.sim.tissue.tables import DerivedConstant, table, write_derived
 
 SPEED = 0.0038  # of the cut of Table 4.1, thesis 4.4 [m/s]
 THICKNESS = 0.01  # assumed by the table's moduli, thesis 4.2 [m]

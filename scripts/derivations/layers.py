@@ -3,8 +3,8 @@
     python -m scripts.derivations.layers            some minutes: 26 slabs of bricks
 
 The slab of ``scripts/derivations/partial_depth.py`` is solved anew with layers of other moduli.  One number, the reach
-of :func:`cutenv.tissue.layers.layered_depth`, is fitted by least squares to some of them; the others are held out.  The
-exit status is 1 if the reach in use is not the fitted one.
+of :func:`cutenv.sim.tissue.layers.layered_depth`, is fitted by least squares to some of them; the others are held out.
+The exit status is 1 if the reach in use is not the fitted one.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from tqdm import tqdm
 
-from cutenv.tissue import Layers
-from cutenv.tissue.layers import LAYER_REACH, layered_depth_by
-from cutenv.tissue.slab import ROWS, THICKNESS
+from cutenv.sim.tissue import Layers
+from cutenv.sim.tissue.layers import LAYER_REACH, layered_depth_by
+from cutenv.sim.tissue.slab import ROWS, THICKNESS
 from scripts.derivations.partial_depth import LAYERS, stiffness_by_depth
 from scripts.tables import markdown_table
 

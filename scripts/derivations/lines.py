@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from cutenv.tissue import place_model
-from cutenv.tissue.drawn_lines import (
+from cutenv.sim.tissue import place_model
+from cutenv.sim.tissue.drawn_lines import (
     KINDS,
     LEAST_LENGTH,
     MIXED_KINDS,
@@ -27,9 +27,9 @@ from cutenv.tissue.drawn_lines import (
     store,
     stored_stiffness,
 )
-from cutenv.tissue.grid import N_POINTS, SPACING
-from cutenv.tissue.lines import length_within
-from cutenv.tissue.place_model import TipStiffness, along_whole_line, stiffness_by_place
+from cutenv.sim.tissue.grid import N_POINTS, SPACING
+from cutenv.sim.tissue.lines import length_within
+from cutenv.sim.tissue.place_model import TipStiffness, along_whole_line, stiffness_by_place
 
 START = (1.8, 0.07, 0.3, 0.7, 1.0, -0.2, 0.2)
 """Numbers of the place model from which the fit starts."""

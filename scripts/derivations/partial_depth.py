@@ -29,13 +29,13 @@ from skfem.element import ElementHexS2, ElementVector
 from tqdm import tqdm
 
 from cutenv._base import resources
-from cutenv.tissue.cut_model import CutModel
-from cutenv.tissue.description import measured_liver
-from cutenv.tissue.elasticity import elastic_form
-from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING, field_modes, lognormal_sigma
-from cutenv.tissue.slab import DEPTHS, ROWS, THICKNESS, local_modulus, row_means, stiffness_along
-from cutenv.tissue.specimen import Specimen
-from cutenv.tissue.tables import FOLDER
+from cutenv.sim.tissue.cut_model import CutModel
+from cutenv.sim.tissue.description import measured_liver
+from cutenv.sim.tissue.elasticity import elastic_form
+from cutenv.sim.tissue.grid import LENGTH, N_POINTS, SPACING, field_modes, lognormal_sigma
+from cutenv.sim.tissue.slab import DEPTHS, ROWS, THICKNESS, local_modulus, row_means, stiffness_along
+from cutenv.sim.tissue.specimen import Specimen
+from cutenv.sim.tissue.tables import FOLDER
 from scripts.tables import markdown_table
 
 Array = NDArray[np.float64]

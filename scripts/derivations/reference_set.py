@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from cutenv.learning.evaluation import batched_rollout, contestant
-from cutenv.plant.protocol import recorded_trace
-from cutenv.policy import BASELINES, SCRIPTS
-from cutenv.scoring import METRICS, ReferenceSet, score
+from cutenv.agents.learning.evaluation import batched_rollout, contestant
+from cutenv.agents.policy import BASELINES, SCRIPTS
+from cutenv.records.scoring import METRICS, ReferenceSet, score
+from cutenv.sim.plant.protocol import recorded_trace
 from scripts import ROOT
 
 TARGET = ROOT / "assets" / "reference" / "baselines.csv"

@@ -13,10 +13,10 @@ import time
 import numpy as np
 
 from cutenv._base import resources
-from cutenv.tissue.cut_model import CutModel
-from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING, field_modes, lognormal_sigma
-from cutenv.tissue.slab import condensed
-from cutenv.tissue.tables import FOLDER
+from cutenv.sim.tissue.cut_model import CutModel
+from cutenv.sim.tissue.grid import LENGTH, N_POINTS, SPACING, field_modes, lognormal_sigma
+from cutenv.sim.tissue.slab import condensed
+from cutenv.sim.tissue.tables import FOLDER
 
 FIELDS = 60
 MODEL = {"element": "quad8", "formulation": "plane_stress", "poisson": 0.3}
@@ -25,7 +25,7 @@ MODEL = {"element": "quad8", "formulation": "plane_stress", "poisson": 0.3}
 def write() -> None:
     """Condense the model and write the result."""
     content = {
-        "source": "CutModel condensed by rows of elements (cutenv.tissue.slab)",
+        "source": "CutModel condensed by rows of elements (cutenv.sim.tissue.slab)",
         "script": "scripts/derivations/slab.py --write",
         **MODEL,
         **{name: values.tolist() for name, values in condensed(CutModel(**MODEL))._asdict().items()},
@@ -35,7 +35,7 @@ def write() -> None:
 
 def show() -> None:
     """Print errors against ``CutModel``, by the spread of the field."""
-    from cutenv.tissue.slab import ROWS, row_means, slab_of, stiffness_along
+    from cutenv.sim.tissue.slab import ROWS, row_means, slab_of, stiffness_along
 
     slab = slab_of(*MODEL.values())
     modes = field_modes(N_POINTS, SPACING, 0.020)

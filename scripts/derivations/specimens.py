@@ -26,10 +26,10 @@ import numpy as np
 from tqdm import tqdm
 
 from cutenv._engine.randomness import generator
-from cutenv.measurement import estimate_fracture_resistance, estimate_local_effective_moduli
-from cutenv.plant import Leg, SimulatedPlant, run, to_trace
-from cutenv.tissue import Specimen, draw_liver, measured_liver
-from cutenv.tissue.description import (
+from cutenv.records.measurement import estimate_fracture_resistance, estimate_local_effective_moduli
+from cutenv.sim.plant import Leg, SimulatedPlant, run, to_trace
+from cutenv.sim.tissue import Specimen, draw_liver, measured_liver
+from cutenv.sim.tissue.description import (
     CUTS_PER_LIVER,
     FITTED,
     TissueDescription,
@@ -38,7 +38,7 @@ from cutenv.tissue.description import (
     modulus_spread,
     variance_components,
 )
-from cutenv.tissue.tables import DerivedConstant, measured_fracture_resistance, table, write_derived
+from cutenv.sim.tissue.tables import DerivedConstant, measured_fracture_resistance, table, write_derived
 
 SPEEDS = {"5.2": 0.001, "5.3": 0.0127, "5.4": 0.0254}  # of each table [m/s]
 TRAVEL = 0.12  # thesis 3.3.2 [m]

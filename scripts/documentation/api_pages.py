@@ -11,32 +11,31 @@ from scripts import ROOT
 PACKAGE = ROOT / "cutenv"
 FOLDER = "reference/api"
 MODULES = (
+    "cutenv.agents.learning.arguments",
+    "cutenv.agents.learning.evaluation",
+    "cutenv.agents.learning.seeds",
+    "cutenv.agents.learning.statistics",
+    "cutenv.agents.sb3",
     "cutenv.envs.vector",
-    "cutenv.learning.arguments",
-    "cutenv.learning.evaluation",
-    "cutenv.learning.seeds",
-    "cutenv.learning.statistics",
-    "cutenv.measurement.depth_sections",
-    "cutenv.play.course",
-    "cutenv.play.play_session",
-    "cutenv.play.play_window",
+    "cutenv.people.play.course",
+    "cutenv.people.play.play_session",
+    "cutenv.people.play.play_window",
+    "cutenv.records.measurement.depth_sections",
+    "cutenv.records.scoring.cut_metrics",
     "cutenv.rig.config.settings",
-    "cutenv.rig.config.settings",
-    "cutenv.rig.devices.drivers",
+    "cutenv.rig.devices.protocols",
+    "cutenv.rig.drivers.conformance",
     "cutenv.rig.safety.supervisor",
-    "cutenv.rig_drivers.conformance",
-    "cutenv.scoring.cut_metrics",
+    "cutenv.sim.tissue.lines",
+    "cutenv.sim.trace",
     "cutenv.task.observation",
     "cutenv.task.reward",
-    "cutenv.tissue.lines",
-    "cutenv.trace",
     "cutenv.vision.beads",
-    "cutenv.vision.fluoroscopy",
     "cutenv.vision.fluoroscopy",
     "cutenv.vision.projection",
 )
 """Public modules that belong to no package with a list of names; a test finds those that a page or an example uses."""
-INTERNAL = ("cutenv.rig.devices.canopen", "cutenv.viewer.solid")
+INTERNAL = ("cutenv.rig.devices.canopen", "cutenv.display.viewer.solid")
 """Packages whose names are for their neighbours only."""
 
 
@@ -51,8 +50,7 @@ def modules() -> list[str]:
     for name in (*MODULES, *INTERNAL):
         _source(name)
     packages = [path.parent for path in PACKAGE.rglob("__init__.py") if path.parent != PACKAGE]
-    loose = [path.with_suffix("") for path in PACKAGE.glob("*.py")]
-    dotted = {".".join(("cutenv", *path.relative_to(PACKAGE).parts)) for path in (*packages, *loose)}
+    dotted = {".".join(("cutenv", *path.relative_to(PACKAGE).parts)) for path in packages}
     return sorted({name for name in dotted if name not in INTERNAL and _public_names(name)} | set(MODULES))
 
 

@@ -7,7 +7,7 @@ import io
 import os
 from collections.abc import Iterator, Mapping
 
-from cutenv import cli
+from cutenv.commands import cli
 
 WIDTH = 96
 """Columns of the printed help."""

@@ -9,7 +9,7 @@ from typing import Any
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
-from cutenv.browser.page_alone import page_alone
+from cutenv.people.browser.page_alone import page_alone
 from scripts import ROOT
 from scripts.documentation import api_pages, check_pages, command_pages, environment_pages
 from scripts.documentation.equations import as_mathml

@@ -2,7 +2,7 @@
 
     python -m scripts.documentation.lab_format_table
 
-Each file of the corpus (tests/recording/lab_formats.py) is made, read as it is, and compared with its truth.
+Each file of the corpus (tests/records/files/lab_formats.py) is made, read as it is, and compared with its truth.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from cutenv.recording import RecordError
-from cutenv.recording.importers import OpenQuestions, look_at
+from cutenv.records import RecordError
+from cutenv.records.importers import OpenQuestions, look_at
 from scripts import ROOT
 from scripts.tables import markdown_table
 
-sys.path.insert(0, str(ROOT / "tests" / "recording"))
+sys.path.insert(0, str(ROOT / "tests" / "records" / "files"))
 TOLERANCE = 0.01
 """Relative error of duration, peak and travel up to which a record is right."""
 

@@ -7,23 +7,23 @@ from collections.abc import Mapping
 import numpy as np
 
 from cutenv._base.validation import parameter_table
-from cutenv.cutting.descent import DescentParameters
-from cutenv.cutting.drive import PDRig, Rig
-from cutenv.cutting.dtypes import LawParameters
-from cutenv.cutting.sensor import SensorParameters
-from cutenv.cutting.steering import SteeringParameters
 from cutenv.envs.constants import Knowledge
+from cutenv.records.scoring import INVARIANCES, MAP_METRICS, METRICS, Metric
+from cutenv.rig.drivers.slow_profile import RATES, grbl_settings, slow_settings
 from cutenv.rig.operation.suitability import suitability_lines
 from cutenv.rig.toml_file import template
-from cutenv.rig_drivers.slow_profile import RATES, grbl_settings, slow_settings
-from cutenv.scoring import INVARIANCES, MAP_METRICS, METRICS, Metric
+from cutenv.sim.cutting.descent import DescentParameters
+from cutenv.sim.cutting.drive import PDRig, Rig
+from cutenv.sim.cutting.dtypes import LawParameters
+from cutenv.sim.cutting.sensor import SensorParameters
+from cutenv.sim.cutting.steering import SteeringParameters
+from cutenv.sim.tissue import Layers, measured_liver
+from cutenv.sim.tissue import tables as thesis_tables
+from cutenv.sim.tissue.description import TissueDescription
+from cutenv.sim.tissue.specimen import BladeWear, SurfaceSpread
 from cutenv.task.depth import DepthConstants
 from cutenv.task.path import PathConstants
 from cutenv.task.reward import CUT_ENDS, REWARD, Limits
-from cutenv.tissue import Layers, measured_liver
-from cutenv.tissue import tables as thesis_tables
-from cutenv.tissue.description import TissueDescription
-from cutenv.tissue.specimen import BladeWear, SurfaceSpread
 from scripts.tables import markdown_table
 
 

@@ -11,7 +11,7 @@ _UNDERLINE = re.compile(r"-{3,}")
 
 
 def with_links(text: str) -> str:
-    """Turn roles such as ``:class:`~cutenv.trace.Trace``` into links where the object has a page, else into code."""
+    """Turn roles such as ``:class:`~cutenv.sim.trace.Trace``` into links to the object's page, else into code."""
     return _ROLE.sub(_link, text)
 
 

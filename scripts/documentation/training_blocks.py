@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from cutenv.learning.statistics import mean_with_interval, rows_of
-from cutenv.policy import CONSTANT_FEEDS, ORACLE, SCRIPTS
+from cutenv.agents.learning.statistics import mean_with_interval, rows_of
+from cutenv.agents.policy import CONSTANT_FEEDS, ORACLE, SCRIPTS
 from scripts import ROOT
 from scripts.documentation.page_blocks import block_of
 from scripts.tables import markdown_table

@@ -27,30 +27,20 @@ class Wing(NamedTuple):
 
 
 ROWS = (
-    (
-        Wing("programs", "what a person starts",
-             ("cli", "commands", "play", "browser", "classroom", "sim_to_real"), "#5b7db1"),
-        Wing("learning", "training, evaluation", ("learning", "sb3"), "#5b7db1"),
-    ),
+    (Wing("commands", "the program cutenv and its commands", ("commands",), "#5b7db1"),),
+    (Wing("people", "cuts by hand: in a window, in a browser, in a class", ("people",), "#5b7db1"),),
+    (Wing("agents", "policies, learners, comparison of simulator and rig", ("agents",), "#3f8f6b"),),
     (Wing("environments", "Gymnasium, and nowhere below", ("envs",), "#3f8f6b"),),
     (
-        Wing("rig", "safety, drivers; imitated rigs beside it", ("rig", "rig_drivers", "imitated"), "#b5574a"),
-        Wing("recordings", "files of cuts", ("recording",), "#8a6fb0"),
-        Wing("drawing", "pictures, report pages", ("viewer", "report"), "#8a6fb0"),
+        Wing("rig", "safety, drivers, imitated rigs", ("rig",), "#b5574a"),
+        Wing("display", "pictures of a cut, report pages", ("display",), "#8a6fb0"),
     ),
-    (
-        Wing("policies", "scripts, planners, trained agents", ("policy",), "#3f8f6b"),
-        Wing("vision", "what cameras and X-rays saw of a cut", ("vision",), "#8a6fb0"),
-    ),
+    (Wing("vision", "what cameras and X-rays saw of a cut", ("vision",), "#8a6fb0"),),
     (Wing("task", "observation, reward, ends", ("task",), "#3f8f6b"),),
-    (Wing("simulator", "cutting law, drive, sensor", ("plant", "cutting"), "#8f6a1f"),),
-    (
-        Wing("measurement", "traces, properties, scores; never sees the simulator",
-             ("scoring", "measurement", "trace", "task_quantities"), "#8a6fb0"),
-    ),
-    (Wing("tissue", "tables, finite elements, specimens", ("tissue",), "#8f6a1f"),),
+    (Wing("records", "files of cuts, measured and scored; the simulator is not seen", ("records",), "#8a6fb0"),),
+    (Wing("simulator", "tissue, cutting law, drive, sensor", ("sim",), "#8f6a1f"),),
     (Wing("engine", "compiled kernels, random numbers, files, checks", ("_engine", "_base"), "#777777"),),
-)  # fmt: skip
+)
 
 WIDTH, HEIGHT, GAP, PAD = 860, 62, 10, 10
 

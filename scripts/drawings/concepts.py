@@ -15,8 +15,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon, Rectangle
 
-from cutenv.plant import Leg, SimulatedPlant, run
-from cutenv.tissue import Specimen
+from cutenv.sim.plant import Leg, SimulatedPlant, run
+from cutenv.sim.tissue import Specimen
 from scripts import ROOT
 
 FOLDER = ROOT / "assets" / "pictures"

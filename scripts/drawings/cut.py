@@ -10,8 +10,8 @@ import math
 import gymnasium
 import numpy as np
 
-from cutenv.policy import ConstantFeed
-from cutenv.report import CutPicture, draw_cut
+from cutenv.agents.policy import ConstantFeed
+from cutenv.display.report import CutPicture, draw_cut
 from scripts import ROOT
 
 PICTURE = ROOT / "assets" / "pictures" / "cut.png"

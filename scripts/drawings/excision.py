@@ -21,11 +21,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cutenv.plant import FreehandPlant
-from cutenv.tissue import Specimen
-from cutenv.tissue.grid import SPACING
-from cutenv.tissue.lines import CutLine, half_ellipse
-from cutenv.viewer.solid import CurvedCut, write_curved_view
+from cutenv.display.viewer.solid import CurvedCut, write_curved_view
+from cutenv.sim.plant import FreehandPlant
+from cutenv.sim.tissue import Specimen
+from cutenv.sim.tissue.grid import SPACING
+from cutenv.sim.tissue.lines import CutLine, half_ellipse
 
 LENGTH, HEIGHT = 0.056, 0.01
 """Distance of the ends of one side of the excision, and height of its summit [m]."""

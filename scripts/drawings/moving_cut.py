@@ -17,7 +17,7 @@ import numpy as np
 from PIL import Image  # comes with matplotlib
 
 import cutenv  # noqa: F401  registers the environments
-from cutenv.learning.evaluation import contestant
+from cutenv.agents.learning.evaluation import contestant
 from cutenv.task.registry import TASKS
 from scripts import ROOT
 

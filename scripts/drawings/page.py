@@ -15,8 +15,8 @@ from pathlib import Path
 
 from PIL import Image  # comes with matplotlib
 
-from cutenv.browser import write_page_alone
-from cutenv.browser.stylus_steps import HandPathCut
+from cutenv.people.browser import write_page_alone
+from cutenv.people.browser.stylus_steps import HandPathCut
 from scripts.browsers import chromium
 from scripts.drawings.view import COLOURS, PICTURES
 from scripts.validation.classroom.page_in_browsers import led

@@ -20,15 +20,15 @@ from gymnasium.vector import VectorEnv
 
 import cutenv  # noqa: F401  registers the environment
 from cutenv._engine.parallel import make_queue
-from cutenv.cutting.motion import STRAIGHT
-from cutenv.cutting.simulate import hold_some
-from cutenv.plant import SimulatedPlant
-from cutenv.recording import AppendingRecord
-from cutenv.tissue import CutModel, Specimen
-from cutenv.tissue.mesh import ELEMENT_KINDS, CutMesh
-from cutenv.tissue.tip_response import stiffness_matrix, tip_responses
-from cutenv.trace import Reading
-from cutenv.viewer.drawn_slab import Slab
+from cutenv.display.viewer.drawn_slab import Slab
+from cutenv.records import AppendingRecord
+from cutenv.sim.cutting.motion import STRAIGHT
+from cutenv.sim.cutting.simulate import hold_some
+from cutenv.sim.plant import SimulatedPlant
+from cutenv.sim.tissue import CutModel, Specimen
+from cutenv.sim.tissue.mesh import ELEMENT_KINDS, CutMesh
+from cutenv.sim.tissue.tip_response import stiffness_matrix, tip_responses
+from cutenv.sim.trace import Reading
 from scripts.benchmarks.speed.batch import bare, hold_in_single_file
 from scripts.benchmarks.speed.factorisation import factorising_per_tip
 from scripts.benchmarks.speed.vertical_motion import MOTIONS, BareRates, descending_rates

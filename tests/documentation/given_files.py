@@ -9,10 +9,10 @@ from pathlib import Path
 import made_up_study
 import virtual_session
 
-from cutenv.plant import Leg, SimulatedPlant, run, to_trace
-from cutenv.recording import save
-from cutenv.tissue import Layers, Specimen
-from cutenv.trace import Trace
+from cutenv.records import save
+from cutenv.sim.plant import Leg, SimulatedPlant, run, to_trace
+from cutenv.sim.tissue import Layers, Specimen
+from cutenv.sim.trace import Trace
 from scripts.validation.measurement.stepped_cuts import stepped_cut
 
 

@@ -42,7 +42,7 @@ sys.meta_path[sys.meta_path.index(PathFinder)] = VisibleFinder
 COMMAND = """
 import sys
 
-from cutenv.cli import main
+from cutenv.commands.cli import main
 
 sys.exit(main())
 """

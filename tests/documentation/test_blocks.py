@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from cutenv.recording import UNITS, load
+from cutenv.records import UNITS, load
 from scripts.checks import BLOCKS
 from scripts.documentation.page_blocks import block_of
 from scripts.documentation.training_blocks import verdict

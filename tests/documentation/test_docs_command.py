@@ -13,8 +13,8 @@ from types import SimpleNamespace
 import pytest
 
 from cutenv._base import resources
-from cutenv.cli import main
 from cutenv.commands import docs
+from cutenv.commands.cli import main
 
 ROOT = Path(__file__).parents[2]
 IGNORED = shutil.ignore_patterns("__pycache__", "site")
@@ -48,7 +48,10 @@ def test_a_wheel_holds_the_built_pages_and_finds_them(checkout: Path, tmp_path: 
     (wheel,) = (tmp_path / "dist").glob("*.whl")
     with zipfile.ZipFile(wheel) as archive:
         archive.extractall(tmp_path / "installed")
-    code = "import sys; sys.path.insert(0, 'installed'); from cutenv.cli import main; main(['docs', '--print-path'])"
+    code = (
+        "import sys; sys.path.insert(0, 'installed')\n"
+        "from cutenv.commands.cli import main; main(['docs', '--print-path'])"
+    )
     printed = Path(run("-c", code, cwd=tmp_path).strip())
     assert printed == tmp_path / "installed" / "cutenv" / "assets" / "site" / "index.html"
     assert printed.read_text() == "<h1>cutenv</h1>"

@@ -28,8 +28,8 @@ def test_a_table_without_an_end_is_refused() -> None:
 
 
 def test_a_role_becomes_a_link_that_may_lead_nowhere() -> None:
-    link = with_links("see :class:`~cutenv.trace.Trace`.")
-    assert link == 'see <autoref optional identifier="cutenv.trace.Trace"><code>Trace</code></autoref>.'
+    link = with_links("see :class:`~cutenv.sim.trace.Trace`.")
+    assert link == 'see <autoref optional identifier="cutenv.sim.trace.Trace"><code>Trace</code></autoref>.'
 
 
 def test_a_name_of_the_same_class_becomes_code() -> None:

@@ -13,8 +13,8 @@ import pytest
 
 pytest.importorskip("mkdocs", reason="the site needs an extra: pip install 'cutenv[docs]'")
 
-from cutenv.cli import COMMANDS, RIG_COMMANDS
-from cutenv.scoring import METRICS
+from cutenv.commands.cli import COMMANDS, RIG_COMMANDS
+from cutenv.records.scoring import METRICS
 from scripts.documentation import environment_pages
 
 LOADING = {"audio", "embed", "iframe", "img", "link", "object", "script", "source", "track", "video"}
@@ -133,7 +133,7 @@ def test_an_environments_page_lists_every_argument(site: Path, page: str) -> Non
 
 def test_the_python_api_shows_functions_with_their_arguments(site: Path) -> None:
     text = (site / "reference" / "api" / "scoring.html").read_text(encoding="utf-8")
-    assert 'id="cutenv.scoring.score"' in text
+    assert 'id="cutenv.records.scoring.score"' in text
     assert ":class:`" not in text
     for name in METRICS:
         assert name in (site / "reference" / "metrics.html").read_text(encoding="utf-8")

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from virtual_session import traces
 
-from cutenv import cli
-from cutenv.measurement import calibrate, calibration
-from cutenv.recording import save
-from cutenv.recording.column_map import MAP_FILE, ColumnMap
-from cutenv.tissue import CutModel, load_description
-from cutenv.trace import Trace
+from cutenv.commands import cli
+from cutenv.records import save
+from cutenv.records.foreign.column_map import MAP_FILE, ColumnMap
+from cutenv.records.measurement import calibrate, calibration
+from cutenv.sim.tissue import CutModel, load_description
+from cutenv.sim.trace import Trace
 
 
 def records() -> list[Trace]:
@@ -200,7 +200,7 @@ def test_if_all_records_are_bad_there_is_no_tissue(tmp_path: Path, capsys: pytes
 def test_a_card_that_cannot_be_written_leaves_no_tissue(
     files: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from cutenv.report import calibration_card
+    from cutenv.display.report import calibration_card
 
     def full(*arguments: object, **keywords: object) -> None:
         raise OSError("no space left on device")

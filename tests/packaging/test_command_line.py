@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import cutenv
-from cutenv import cli
+from cutenv.commands import cli
 
 ROOT = Path(__file__).parents[2]
 
@@ -86,7 +86,7 @@ def test_a_missing_module_of_no_extra_is_not_explained_away(monkeypatch: pytest.
 def of_stand_in(body: str) -> list[str]:
     """The program ``cutenv demo`` with this body."""
     code = (
-        "import sys, types; import cutenv.cli as cli; module = types.ModuleType('cutenv.commands.demo')\n"
+        "import sys, types; import cutenv.commands.cli as cli; module = types.ModuleType('cutenv.commands.demo')\n"
         f"def main(argv):\n    {body}\n"
         "module.main = main; sys.modules['cutenv.commands.demo'] = module; raise SystemExit(cli.main(['demo']))"
     )
@@ -129,7 +129,7 @@ def test_a_missing_extra_of_a_command_is_one_line(
     name: str, given: list[str], module: str, extra: str, tmp_path: Path
 ) -> None:
     block = f"import sys; sys.modules[{module!r}] = None; "
-    code = block + f"import cutenv.cli as cli; raise SystemExit(cli.main({[name, *given]!r}))"
+    code = block + f"import cutenv.commands.cli as cli; raise SystemExit(cli.main({[name, *given]!r}))"
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=tmp_path)
     assert ran.returncode == 1
     assert ran.stderr == f"cutenv {name}: {module} is not installed: pip install 'cutenv[{extra}]'\n"

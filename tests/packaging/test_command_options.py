@@ -16,10 +16,9 @@ from pathlib import Path
 
 import pytest
 
-from cutenv import cli
-from cutenv.commands import train
+from cutenv.commands import cli, train
 from cutenv.commands.options import SCREEN, made_folder, target_length
-from cutenv.recording.schema import parse_length
+from cutenv.records.schema import parse_length
 
 NAMES = [*(name for name in cli.COMMANDS if name != "rig"), *(f"rig {name}" for name in cli.RIG_COMMANDS)]
 FRAGMENT = re.compile(r"(of|for|whose|that|which|after|to|in|from|aimed|by|where|begins?)\b(?! column)", re.IGNORECASE)
@@ -196,10 +195,10 @@ def test_without_a_command_the_help_is_printed(
 def test_the_help_of_score_loads_nothing_that_scores() -> None:
     code = (
         "import sys, time\n"
-        "from cutenv import cli\n"
+        "from cutenv.commands import cli\n"
         "try:\n    cli.main(['score', '--help'])\n"
         "except SystemExit: pass\n"
-        "print([name for name in ('scipy', 'numba', 'matplotlib', 'cutenv.scoring') if name in sys.modules])\n"
+        "print([name for name in ('scipy', 'numba', 'matplotlib', 'cutenv.records.scoring') if name in sys.modules])\n"
         "print(time.process_time())"
     )
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -209,7 +208,7 @@ def test_the_help_of_score_loads_nothing_that_scores() -> None:
 
 
 def test_the_help_of_score_names_every_shipped_reference() -> None:
-    from cutenv.scoring.reference import SHIPPED_REFERENCES
+    from cutenv.records.scoring.reference import SHIPPED_REFERENCES
 
     reference = next(action for action in parser_of("score")._actions if action.dest == "reference")
     assert all(name in (reference.help or "") for name in SHIPPED_REFERENCES)
@@ -237,7 +236,7 @@ def test_ctrl_c_ends_in_one_line(arguments: list[str], tmp_path: Path) -> None:
     command = [
         sys.executable,
         "-c",
-        f"from cutenv import cli\nprint('ready', flush=True)\nraise SystemExit(cli.main({arguments}))",
+        f"from cutenv.commands import cli\nprint('ready', flush=True)\nraise SystemExit(cli.main({arguments}))",
     ]
     ran = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path)
     assert ran.stdout is not None

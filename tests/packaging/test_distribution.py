@@ -24,9 +24,9 @@ SITE = "cutenv/assets/site/"
 HOOK = "scripts/kernels/wheel_hook.py"
 
 LOAD_A_POLICY = """
-import cutenv, cutenv.policy
-name = cutenv.policy.SHIPPED[0]
-print(cutenv.__file__, name, cutenv.policy.shipped(name).card.sha256, sep="\\n")
+import cutenv, cutenv.agents.policy
+name = cutenv.agents.policy.SHIPPED[0]
+print(cutenv.__file__, name, cutenv.agents.policy.shipped(name).card.sha256, sep="\\n")
 """
 READ_A_TABLE = """
 import cutenv, cutenv._base.resources
@@ -125,13 +125,13 @@ def test_wheel_loads_the_policies_that_it_ships(site: Path, tmp_path: Path) -> N
 
 TEN_LINES = """
 from stable_baselines3 import PPO
-from cutenv.sb3 import FeatureVecEnv, NativeVecEnv
+from cutenv.agents.sb3 import FeatureVecEnv, NativeVecEnv
 for kind in (NativeVecEnv, FeatureVecEnv):
     environments = kind(2, control_hz=50)
     model = PPO("MlpPolicy", environments, n_steps=4, batch_size=8, n_epochs=1, gamma=1.0, device="cpu")
     model.learn(16)
     print(kind.__name__, model.num_timesteps)
-import cutenv.learning.ppo
+import cutenv.agents.learning.ppo
 print(cutenv.__file__)
 """
 
@@ -151,11 +151,11 @@ def test_wheel_trains_with_stable_baselines3(
 
 def test_wheel_has_the_commands_of_training(site: Path, tmp_path: Path) -> None:
     code = """
-import contextlib, cutenv.cli
+import contextlib, cutenv.commands.cli
 print(cutenv.__file__)
 for command in ("train", "evaluate", "datasets"):
     with contextlib.suppress(SystemExit):
-        cutenv.cli.main([command, "--help"])
+        cutenv.commands.cli.main([command, "--help"])
 """
     module, *shown = run_installed(site, code, tmp_path).splitlines()
     assert Path(module) == site / "cutenv" / "__init__.py"
@@ -170,7 +170,7 @@ def test_wheel_declares_version_licence_and_command(wheel: Path) -> None:
     version = run("-c", "import cutenv; print(cutenv.__version__)", cwd=ROOT).strip()
     assert f"\nVersion: {version}\n" in info["METADATA"]
     assert "\nLicense-Expression: MIT\n" in info["METADATA"]
-    assert "cutenv = cutenv.cli:main" in info["entry_points.txt"]
+    assert "cutenv = cutenv.commands.cli:main" in info["entry_points.txt"]
     assert "The cutenv developers" in info["LICENSE"]
 
 

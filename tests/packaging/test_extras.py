@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
-from cutenv import cli
 from cutenv._base.imports import EXTRAS_OF_MODULE, extra_named
 from cutenv._base.output import watched
+from cutenv.commands import cli
 from scripts.documentation import licences
 from scripts.documentation.licences import brought
 

@@ -46,16 +46,16 @@ def test_layers_import_downwards() -> None:
 
 
 BROKEN = [
-    ("_base/validation", "import cutenv.tissue.tables", "a layer imports downwards only"),
-    ("tissue/elasticity", "import gymnasium", "gymnasium is imported by environments and learners alone"),
+    ("_base/validation", "import cutenv.sim.tissue.tables", "a layer imports downwards only"),
+    ("sim/tissue/elasticity", "import gymnasium", "gymnasium is imported by environments and learners alone"),
     ("_base/validation", "import torch", "learning libraries are imported by"),
     ("commands/train", "import stable_baselines3", "learning libraries are imported by"),
-    ("envs/vector", "import cutenv.sb3", "a layer imports downwards only"),
-    ("play/hand_model", "import pymunk", "the drawn handle alone is moved by pymunk"),
+    ("envs/vector", "import cutenv.agents.sb3", "a layer imports downwards only"),
+    ("people/play/hand_model", "import pymunk", "the drawn handle alone is moved by pymunk"),
     ("_base/validation", "import matplotlib.pyplot", "drawing is done by the viewer and the report"),
-    ("measurement/simulating", "import cutenv.cutting.law", "measurement and scoring never see"),
-    ("scoring/card_reader", "import cutenv._engine.jit", "the compiled engine is private"),
-    ("trace", "import cutenv.scoring.cut_metrics", "inside a wing, too"),
+    ("records/measurement/simulating", "import cutenv.sim.cutting.law", "records are measured and scored without"),
+    ("records/scoring/card_reader", "import cutenv._engine.jit", "the compiled engine is private"),
+    ("sim/trace", "import cutenv.sim.tissue.tables", "inside the simulator imports go one way"),
     ("rig/config/settings", "import cutenv.rig.plant", "inside the rig imports go one way"),
 ]
 

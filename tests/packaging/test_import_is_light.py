@@ -27,7 +27,9 @@ def test_an_environment_needs_no_finite_elements() -> None:
 
 
 def test_help_loads_nothing_heavy() -> None:
-    check_nothing_heavy_is_loaded("from cutenv import cli; cli._GroupParser('cutenv', cli.PROGRAM).format_help()")
+    check_nothing_heavy_is_loaded(
+        "from cutenv.commands import cli; cli._GroupParser('cutenv', cli.PROGRAM).format_help()"
+    )
 
 
 def test_help_of_training_needs_no_learner() -> None:
@@ -39,7 +41,7 @@ def test_help_of_training_needs_no_learner() -> None:
         "        if name in ('torch', 'stable_baselines3', 'sb3_contrib', 'tqdm', 'matplotlib'):\n"
         "            raise ModuleNotFoundError(name, name=name)\n"
         "sys.meta_path.insert(0, Absent())\n"
-        "from cutenv.cli import main\n"
+        "from cutenv.commands.cli import main\n"
         "for command in ('train', 'evaluate', 'datasets'):\n"
         "    try: main([command, '--help'])\n"
         "    except SystemExit as done: assert done.code == 0\n"

@@ -11,11 +11,10 @@ from typing import Any
 
 import pytest
 
-from cutenv import cli
-from cutenv.commands import look
-from cutenv.recording import save
-from cutenv.recording.column_map import MAP_FILE
-from cutenv.trace import Trace
+from cutenv.commands import cli, look
+from cutenv.records import save
+from cutenv.records.foreign.column_map import MAP_FILE
+from cutenv.sim.trace import Trace
 
 ROWS = "".join(
     f"{k / 100:.2f},{force:.4f},{max(0, min(k, 250) - 100) / 5:.2f}\n"
@@ -63,8 +62,8 @@ def test_the_last_line_is_the_command_that_scores_it(tmp_path: Path, capsys: pyt
 
 
 def test_a_terminal_without_braille_is_drawn_in_ascii(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from cutenv.report import RecordPicture
-    from cutenv.report.look_page import record_lines
+    from cutenv.display.report import RecordPicture
+    from cutenv.display.report.look_page import record_lines
 
     record = Trace(time=[k / 100 for k in range(200)], force=[math.sin(k / 30) for k in range(200)])
     lines = record_lines(RecordPicture(record=record), 60, braille=False)
@@ -165,7 +164,7 @@ def test_a_folder_that_cannot_be_written_costs_the_kept_map_alone(
 
 
 def test_the_answer_of_a_rate_may_leave_its_unit_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    from cutenv.recording.proposal import Question
+    from cutenv.records.foreign.proposal import Question
 
     question = Question(about="rate", text="How many readings a second?", choices=())
     monkeypatch.setattr("builtins.input", lambda prompt: " 250 ")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from cutenv.cutting.motion import Motion
+from cutenv.sim.cutting.motion import Motion
 from cutenv.task.declare import Task
 from scripts.documentation import measure_codebase
 
@@ -75,7 +75,7 @@ def defined_twice(package: Path) -> dict[str, list[str]]:
 
 def hooks(name: str, places: list[str]) -> bool:
     """Whether a name is that of a hook, in the modules that declare tasks and motions."""
-    return name in HOOKS and all(place.startswith(("task/", "cutting/")) for place in places)
+    return name in HOOKS and all(place.startswith(("task/", "sim/cutting/")) for place in places)
 
 
 def files_twice(package: Path) -> dict[str, list[str]]:

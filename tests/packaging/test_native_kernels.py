@@ -27,11 +27,11 @@ USES = """
 import numpy as np
 from cutenv._engine.randomness import normal_at
 from cutenv._engine.parallel import make_queue, wait_done
-from cutenv.cutting.drive import lag_gain
-from cutenv.cutting.dtypes import DRIVE
-from cutenv.cutting.motion import STRAIGHT
-from cutenv.cutting.simulate import account_one
-from cutenv.tissue.sampling import add_vessels, is_vascular, lognormal
+from cutenv.sim.cutting.drive import lag_gain
+from cutenv.sim.cutting.dtypes import DRIVE
+from cutenv.sim.cutting.motion import STRAIGHT
+from cutenv.sim.cutting.simulate import account_one
+from cutenv.sim.tissue.specimen_kernels import add_vessels, is_vascular, lognormal
 
 
 def results():
@@ -107,7 +107,7 @@ def test_a_call_with_other_types_is_no_call_of_it(libraries: Path) -> None:
     """Read-only arrays, other dtypes and layouts: the library must not write where it may not."""
     program = """
         import numpy as np
-        from cutenv.tissue.sampling import add_vessels
+        from cutenv.sim.tissue.specimen_kernels import add_vessels
         key, fixed = (np.uint64(1), np.uint64(2)), np.ones(301)
         fixed.flags.writeable = False
         for wrong in (fixed, np.ones(301, np.float32), np.ones(602)[::2], np.ones((301, 1)), [1.0] * 301):
@@ -125,4 +125,4 @@ def test_of_another_source_it_is_not_used(libraries: Path) -> None:
     printed = run_with(libraries, "import cutenv._engine.native as n; print(n.LIBRARY)", digest="'another'")
     assert printed.strip() == "None"
     sources = run_with(libraries, "print(*library.sources)").split()
-    assert {"cutting/motion.py", "cutting/simulate.py", "tissue/sampling.py"} <= set(sources)
+    assert {"sim/cutting/motion.py", "sim/cutting/simulate.py", "sim/tissue/specimen_kernels.py"} <= set(sources)

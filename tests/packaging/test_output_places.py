@@ -8,19 +8,19 @@ from pathlib import Path
 
 import pytest
 
-from cutenv import cli
 from cutenv._base.output import check_writable
+from cutenv.commands import cli
 
 COMMANDS = {
     "demo": (["demo"], "cutenv.commands.demo:demo_cuts"),
     "demo, page": (["demo", "--page", "LOCKED/x.html", "--out", "FREE/x.png"], "cutenv.commands.demo:demo_cuts"),
-    "evaluate": (["evaluate", "nothing", "--out", "LOCKED"], "cutenv.learning.evaluation:evaluate"),
-    "train": (["train", "--quick"], "cutenv.learning.arguments:LearnerArguments.training_environments"),
+    "evaluate": (["evaluate", "nothing", "--out", "LOCKED"], "cutenv.agents.learning.evaluation:evaluate"),
+    "train": (["train", "--quick"], "cutenv.agents.learning.arguments:LearnerArguments.training_environments"),
     "datasets": (["datasets", "--dataset", "cutenv/x-v0", "--policy", "nothing"], "cutenv.commands.datasets:cuts_of"),
-    "convert": (["convert", "FREE/a.csv", "--out", "LOCKED/b.csv"], "cutenv.recording:read_record"),
+    "convert": (["convert", "FREE/a.csv", "--out", "LOCKED/b.csv"], "cutenv.records:read_record"),
     "record": (
         ["record", "--stream", "x", "--map", "force=f", "--out", "LOCKED/b.csv"],
-        "cutenv.recording.lsl:LslInlet",
+        "cutenv.records.foreign.lsl:LslInlet",
     ),
     "calibrate": (["calibrate", "FREE/a.csv", "--out", "LOCKED/t.json"], "cutenv.commands.calibrate:read_records"),
     "score": (["score", "FREE/a.csv"], "cutenv.commands.inputs:read_records"),
@@ -34,11 +34,11 @@ COMMANDS = {
     "field": (["field", "FREE/t.parquet", "--record", "FREE/a.csv"], "cutenv.vision:BeadTracks.load"),
     "play": (["play"], "cutenv.commands.play:_agent_of"),
     "single-page": (["single-page", "LOCKED/p.html"], "cutenv.commands.single_page:write_page_alone"),
-    "serve": (["serve", "LOCKED"], "cutenv.classroom.class_store:ClassStore"),
+    "serve": (["serve", "LOCKED"], "cutenv.people.classroom.class_store:ClassStore"),
     "rig run": (["rig", "run", "--policy", "coast", "--rig", "fake"], "cutenv.commands.rig.run:chosen_policy"),
     "rig evaluate": (
         ["rig", "evaluate", "--policy", "coast", "--rig", "fake", "--out", "LOCKED/new"],
-        "cutenv.sim_to_real.paired_experiment:paired_experiment",
+        "cutenv.agents.sim_to_real.paired_experiment:paired_experiment",
     ),
     "rig identify": (
         ["rig", "identify", "fake", "--picture", "LOCKED/p.png"],

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from cutenv.cli import COMMANDS
+from cutenv.commands.cli import COMMANDS
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

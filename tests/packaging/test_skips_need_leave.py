@@ -32,7 +32,7 @@ import pytest
 def test_of_a_page():
     raise AssertionError("it must not run without a browser")
 """
-WITH_BROWSERS = ("browser", "classroom", "documentation", "report", "viewer")
+WITH_BROWSERS = ("people/browser", "people/classroom", "documentation", "display/report", "display/viewer")
 
 
 def run_pytest(folder: Path, leave: str, *options: str) -> subprocess.CompletedProcess[str]:

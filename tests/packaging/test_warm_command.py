@@ -9,9 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from cutenv import cli
 from cutenv._engine import jit
-from cutenv.commands import warm
+from cutenv.commands import cli, warm
 
 
 def test_a_part_is_compiled_in_a_process_of_its_own(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import tomllib
@@ -9,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+import cutenv
 from scripts.documentation import measure_codebase
 
 ROOT = Path(__file__).parents[2]
@@ -42,17 +44,34 @@ def modules_of_the_rig(loaded: set[str]) -> set[str]:
     return {name for name in loaded if name == "cutenv.rig" or name.startswith("cutenv.rig.")}
 
 
-def test_the_contract_has_seven_to_nine_wings() -> None:
+def layers() -> list[list[str]]:
+    """Rows of the contract from above to below, each with the packages that it names."""
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    (wings,) = (
+    (rows,) = (
         each["layers"] for each in settings["tool"]["importlinter"]["contracts"] if each["name"].startswith("a layer")
     )
-    assert 7 <= len(wings) <= 9
+    return [re.findall(r"\w+", row) for row in rows]
 
 
-def test_few_modules_lie_loose() -> None:
-    loose = {path.stem for path in (ROOT / "cutenv").glob("*.py")} - {"__init__", "__main__"}
-    assert len(loose) <= 4, loose
+def test_the_first_level_of_the_package_is_the_layers_of_the_contract() -> None:
+    """Nine layers of packages that anybody imports; helpers and engine below them are private."""
+    assert sum(not row[0].startswith("_") for row in layers()) == 9
+    names = {name for row in layers() for name in row}
+    assert names == {path.parent.name for path in (ROOT / "cutenv").glob("*/__init__.py")}
+    assert sorted(cutenv.WINGS) == sorted(name for name in names if not name.startswith("_"))
+    assert {path.stem for path in (ROOT / "cutenv").glob("*.py")} == {"__init__", "__main__"}
+
+
+@pytest.mark.parametrize("wing", cutenv.WINGS)
+def test_a_wing_says_what_it_may_import_and_has_its_packages_as_attributes(wing: str) -> None:
+    rows = layers()
+    (place,) = (number for number, row in enumerate(rows) if wing in row)
+    below = [name for row in rows[place + 1 :] for name in row if not name.startswith("_")]
+    (said,) = re.findall(r"May import: ([^.]*)\.", getattr(cutenv, wing).__doc__)
+    assert set(re.findall(r"\w+", said)) == set(below) or (wing == "sim" and said.startswith("nothing"))
+    for path in (ROOT / "cutenv" / wing).glob("*/__init__.py"):
+        if wing not in ("commands", "task", "vision"):
+            assert getattr(getattr(cutenv, wing), path.parent.name).__name__ == f"cutenv.{wing}.{path.parent.name}"
 
 
 def test_no_modules_import_each_other_in_a_circle() -> None:
@@ -76,34 +95,45 @@ def test_identified_constants_are_read_when_they_are_asked_for() -> None:
 
 def test_a_fake_rig_loads_neither_drivers_nor_emulator() -> None:
     loaded = loaded_after("import gymnasium, cutenv\ngymnasium.make('cutenv/RigCut-v1', rig='fake').reset(seed=0)")
-    assert "cutenv.imitated.fake_rig" in loaded
+    assert "cutenv.rig.imitated.fake_rig" in loaded
     assert not loaded & set(REAL)
-    assert not any(name.startswith("cutenv.imitated.emulator") for name in loaded)
+    assert not any(name.startswith("cutenv.rig.imitated.emulator") for name in loaded)
 
 
 def test_a_real_rig_loads_neither_fake_nor_emulator() -> None:
     (path,) = run(WRITE_A_RIG)
     loaded = loaded_after(f"import gymnasium, cutenv\ngymnasium.make('cutenv/RigCut-v1', rig={path!r})")
     assert "cutenv.rig.plant" in loaded
-    assert not any(name.startswith(("cutenv.imitated.fake", "cutenv.imitated.emulator")) for name in loaded)
+    assert not any(name.startswith(("cutenv.rig.imitated.fake", "cutenv.rig.imitated.emulator")) for name in loaded)
 
 
 def test_an_emulated_rig_loads_no_fake() -> None:
     loaded = loaded_after(
-        "import cutenv.imitated.emulator.process, cutenv.imitated.connection, cutenv.rig.hardware\n"
+        "import cutenv.rig.imitated.emulator.process, cutenv.rig.imitated.connection, cutenv.rig.hardware\n"
         "from cutenv.rig.devices.host import SystemClock\nfrom cutenv.rig.spine import mounted_spine\n"
         "from cutenv.rig.config.settings import RigSettings\nmounted_spine(RigSettings(), SystemClock())"
     )
     assert set(REAL) <= loaded
-    assert not any(name.startswith("cutenv.imitated.fake") for name in loaded)
+    assert not any(name.startswith("cutenv.rig.imitated.fake") for name in loaded)
+
+
+def test_the_spine_loads_no_plant_no_compiler_and_no_policy() -> None:
+    """What has to be believed where a blade moves is the rig, and what it is configured by."""
+    loaded = set(run(
+        "import sys\nfrom cutenv.rig.spine_process import serve_spine\nfrom cutenv.rig.spine import mounted_spine\n"
+        "from cutenv.rig.devices.host import SystemClock\nfrom cutenv.rig.config.settings import RigSettings\n"
+        "mounted_spine(RigSettings(), SystemClock())\nprint(*sys.modules)"
+    ))  # fmt: skip
+    assert set(REAL[1:]) <= loaded
+    assert not {"numba", "llvmlite", "torch", "cutenv.rig.plant"} & loaded
+    unwanted = tuple(f"cutenv.{each}" for each in ("agents", "envs", "sim.plant", "rig.imitated"))
+    assert [name for name in loaded if name.startswith(unwanted)] == []
 
 
 def test_dir_shows_what_a_user_can_import() -> None:
-    import cutenv
-
     shown = dir(cutenv)
-    assert {"__version__", "make", "envs", "policy", "tissue", "scoring", "rig", "trace"} <= set(shown)
+    assert {"__version__", "make", "agents", "envs", "records", "rig", "sim", "task"} <= set(shown)
     for name in shown:
         assert getattr(cutenv, name) is not None
-    with pytest.raises(AttributeError, match=r"it has .*policy"):
+    with pytest.raises(AttributeError, match=r"it has .*agents"):
         _ = cutenv.polices

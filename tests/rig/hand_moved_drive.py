@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import struct
 
-from cutenv.imitated.emulator.assembly import BLADE
-from cutenv.imitated.emulator.emulated_axis import EmulatedAxis
-from cutenv.imitated.emulator.hub import Frame
-from cutenv.imitated.emulator.mechanics import Mechanics
-from cutenv.imitated.emulator.node import Node
+from cutenv.rig.imitated.emulator.assembly import BLADE
+from cutenv.rig.imitated.emulator.emulated_axis import EmulatedAxis
+from cutenv.rig.imitated.emulator.hub import Frame
+from cutenv.rig.imitated.emulator.mechanics import Mechanics
+from cutenv.rig.imitated.emulator.node import Node
 
 SYNC, MASTER_HEARTBEAT = 0x080, 0x77F
 MILLI_RPM_PER_M_S = 4.4 / 0.002 * 60_000  # of the blade's gear and screw

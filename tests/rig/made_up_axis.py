@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import make_smoothing_spline
 
-from cutenv.cutting.drive import Rig, advance_command, delayed_command, lag_gain
-from cutenv.cutting.dtypes import STATE, TICK
+from cutenv.agents.sim_to_real.identification import Identification, Plan, Recorded, identification_from
 from cutenv.rig.config.settings import Axis, RigSettings
 from cutenv.rig.operation.recorder import Felt, Stretch
-from cutenv.sim_to_real.identification import Identification, Plan, Recorded, identification_from
+from cutenv.sim.cutting.drive import Rig, advance_command, delayed_command, lag_gain
+from cutenv.sim.cutting.dtypes import STATE, TICK
 
 advance, delayed = advance_command.py_func, delayed_command.py_func  # type: ignore[attr-defined]
 SYNC = 5  # ticks

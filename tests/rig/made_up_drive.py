@@ -10,7 +10,7 @@ import canopen
 from canopen.objectdictionary import ODArray, ODVariable, datatypes
 from canopen.sdo.exceptions import SdoAbortedError
 
-from cutenv.rig.devices.drivers import MotionSample
+from cutenv.rig.devices.protocols import MotionSample
 
 _CHANNELS = itertools.count()
 U8, U16, U32 = datatypes.UNSIGNED8, datatypes.UNSIGNED16, datatypes.UNSIGNED32

@@ -15,13 +15,10 @@ from nidaqmx.errors import DaqNotFoundError
 from waiting import until
 
 from cutenv._base import resources
-from cutenv.imitated.emulator.sensor_server import BoardServer
 from cutenv.rig.config.settings import SensorSettings, fake_settings
 from cutenv.rig.devices.driver_registry import Mounting
 from cutenv.rig.devices.host import SystemClock
-from cutenv.rig.errors import RigError
-from cutenv.rig.toml_file import read_rig_file, to_toml
-from cutenv.rig_drivers.analogue_sensor import (
+from cutenv.rig.drivers.analogue_sensor import (
     CHANNEL_AT_END,
     SHIPPED_CALIBRATION,
     AnalogueCalibration,
@@ -29,6 +26,9 @@ from cutenv.rig_drivers.analogue_sensor import (
     AnalogueSensor,
     NidaqmxBoard,
 )
+from cutenv.rig.errors import RigError
+from cutenv.rig.imitated.emulator.sensor_server import BoardServer
+from cutenv.rig.toml_file import read_rig_file, to_toml
 
 JR3 = AnalogueCalibration.read(SHIPPED_CALIBRATION)
 TEXT = resources.path(f"sensors/{SHIPPED_CALIBRATION}.toml").read_text(encoding="utf-8")

@@ -10,10 +10,10 @@ import pytest
 from made_ready import ready_rig
 
 from cutenv.envs.rig_cut import RigCutEnv
-from cutenv.recording import load_one
-from cutenv.recording.appending import AppendingRecord
-from cutenv.rig.devices.drivers import DriveState
+from cutenv.records import load_one
+from cutenv.records.appending import AppendingRecord
 from cutenv.rig.devices.host import preferred
+from cutenv.rig.devices.protocols import DriveState
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.stop_causes import Cause, RigStopped
 

@@ -15,7 +15,7 @@ from waiting import until
 
 from cutenv.rig.config.settings import Axis
 from cutenv.rig.devices.canopen.objects import AxisUnits
-from cutenv.rig.devices.drivers import DriveState
+from cutenv.rig.devices.protocols import DriveState
 from cutenv.rig.errors import RigError
 
 AXES = st.builds(

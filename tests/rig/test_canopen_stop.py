@@ -12,7 +12,7 @@ from made_up_drive import FAULT, QUICK_STOP, SWITCHED_ON
 from waiting import until
 
 from cutenv.rig.devices.canopen.axis import CanopenAxis
-from cutenv.rig.devices.drivers import DriveState
+from cutenv.rig.devices.protocols import DriveState
 from cutenv.rig.errors import RigError
 
 

@@ -16,17 +16,17 @@ from hypothesis import settings as hypothesis_settings
 from made_up_settings import FREE, USUAL, with_surprises, with_value
 
 from cutenv.envs.rig_cut import RigCutEnv
-from cutenv.imitated.emulator.process import start
-from cutenv.imitated.fake_benches import AirPlant, SpecimenPlant
-from cutenv.imitated.fake_rig import FakeRig, FakeSensor
 from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.contradictions import contradictions
+from cutenv.rig.imitated.emulator.process import start
+from cutenv.rig.imitated.fake_benches import AirPlant, SpecimenPlant
+from cutenv.rig.imitated.fake_rig import FakeRig, FakeSensor
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.session import RigSession, SpecimenKey
 from cutenv.rig.safety.stop_causes import Cause, RigStopped
 from cutenv.rig.toml_file import read_rig_file, to_toml
-from cutenv.tissue.specimen import Specimen
+from cutenv.sim.tissue.specimen import Specimen
 from scripts.validation.rig.cutting_rig import CuttingRig
 
 ATTEMPTS = 8  # at half a second of cutting in which the host does not stall

@@ -9,13 +9,13 @@ import json
 import numpy as np
 import pytest
 
-from cutenv.cli import main
+from cutenv.agents.policy import BASELINES, ConstantFeed
+from cutenv.agents.sim_to_real.paired_experiment import cut_again, cut_once, simulator_like
+from cutenv.agents.sim_to_real.sequential_experiment import KeptCuts, OpenedPolicy, RigComparison, opening_of
+from cutenv.commands.cli import main
 from cutenv.envs.rig_cut import RigCutEnv
-from cutenv.policy import BASELINES, ConstantFeed
+from cutenv.records.scoring.study.sequential import SequentialQuestion
 from cutenv.rig.errors import RigError
-from cutenv.scoring.study.sequential import SequentialQuestion
-from cutenv.sim_to_real.paired_experiment import cut_again, cut_once, simulator_like
-from cutenv.sim_to_real.sequential_experiment import KeptCuts, OpenedPolicy, RigComparison, opening_of
 
 SHORT = {"target_length": 0.04, "specimen_class": "liver"}
 FEED, NOTHING = "constant 1.65 cm/s 90 deg", "nothing"
@@ -94,7 +94,7 @@ def test_a_rig_that_cannot_go_on_keeps_what_was_cut(tmp_path, monkeypatch):
     def ended(env, policy, between, **keywords):
         between.append("specimen 1: the operator stopped it.")
 
-    monkeypatch.setattr("cutenv.sim_to_real.sequential_experiment.cut_again", ended)
+    monkeypatch.setattr("cutenv.agents.sim_to_real.sequential_experiment.cut_again", ended)
     with pytest.raises(RigError, match=r"the operator stopped it.*give the same command again"):
         comparison.run(KeptCuts(tmp_path, {}))
 
@@ -106,7 +106,7 @@ def test_a_stop_for_safety_counts(tmp_path, monkeypatch):
         cut = cut_again(env, policy, between, **keywords)
         return dataclasses.replace(cut, end="stopped", success=False, value=-0.7) if isinstance(policy, FEEDS) else cut
 
-    monkeypatch.setattr("cutenv.sim_to_real.sequential_experiment.cut_again", stopped)
+    monkeypatch.setattr("cutenv.agents.sim_to_real.sequential_experiment.cut_again", stopped)
     kept = KeptCuts(tmp_path, {})
     comparison.run(kept)
     feeds = [cut for cut in kept.cuts if cut["policy"] == 0]

@@ -12,15 +12,15 @@ from scripted_operator import ScriptedOperator
 
 from cutenv.envs.constants import Constants
 from cutenv.envs.rig_source import RigSource
-from cutenv.recording import load_one
-from cutenv.rig.devices.drivers import DriveState
+from cutenv.records import load_one
+from cutenv.rig.devices.protocols import DriveState
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.session import SpecimenKey
 from cutenv.rig.safety.stop_causes import Cause, RigStopped
 from cutenv.rig.toml_file import to_toml
-from cutenv.tissue.layers import Layers
-from cutenv.tissue.specimen import Specimen
-from cutenv.trace import COMPONENTS_OF_FORCE, Reading
+from cutenv.sim.tissue.layers import Layers
+from cutenv.sim.tissue.specimen import Specimen
+from cutenv.sim.trace import COMPONENTS_OF_FORCE, Reading
 
 UPRIGHT = math.pi / 2
 SPECIMEN = Specimen.drawn(3, 0, specimen_class="liver")

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from cutenv import cli
+from cutenv.commands import cli
 from cutenv.rig.config.settings import Axis, CameraSettings, RigSettings, SensorSettings, setting
 from cutenv.rig.devices.driver_registry import (
     DriverKind,

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from cutenv.commands.rig.emulate import _options, _parser
-from cutenv.cutting.dtypes import LawParameters
-from cutenv.cutting.sensor import Sensor, SensorParameters
 from cutenv.envs.constants import Constants
 from cutenv.envs.rig_source import emulator_arguments
-from cutenv.imitated.emulator.mechanics import EmulatedTissue
-from cutenv.plant import SimulatedPlant
 from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.errors import RigError
-from cutenv.tissue.specimen import Specimen
+from cutenv.rig.imitated.emulator.mechanics import EmulatedTissue
+from cutenv.sim.cutting.dtypes import LawParameters
+from cutenv.sim.cutting.sensor import Sensor, SensorParameters
+from cutenv.sim.plant import SimulatedPlant
+from cutenv.sim.tissue.specimen import Specimen
 
 UPRIGHT = math.pi / 2
 WAY = np.concatenate([np.linspace(0.0, 0.04, 2001)[1:], np.linspace(0.04, 0.035, 500)])

@@ -10,11 +10,9 @@ from hand_moved_drive import INCREMENT, MILLI_RPM_PER_M_S, SYNC, HandMovedDrive
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cutenv.cutting.drive import PDRig, Rig, advance_command, advance_in_air, lag_gain
-from cutenv.cutting.dtypes import TICK, new_state
-from cutenv.imitated.emulator.assembly import BLADE, HINGE
-from cutenv.imitated.emulator.hub import Frame
-from cutenv.imitated.emulator.mechanics import (
+from cutenv.rig.imitated.emulator.assembly import BLADE, HINGE
+from cutenv.rig.imitated.emulator.hub import Frame
+from cutenv.rig.imitated.emulator.mechanics import (
     MODE_RAMP,
     MODE_VELOCITY,
     Mechanics,
@@ -23,6 +21,8 @@ from cutenv.imitated.emulator.mechanics import (
     motor_record,
     turn_motor,
 )
+from cutenv.sim.cutting.drive import PDRig, Rig, advance_command, advance_in_air, lag_gain
+from cutenv.sim.cutting.dtypes import TICK, new_state
 
 SPEEDS = [0.01, 0.0254, -0.01]
 

@@ -16,20 +16,20 @@ from hypothesis import strategies as st
 from made_up_axis import MadeUpAxis, identified, made_up_force
 
 import cutenv  # noqa: F401  registers the environment
-from cutenv.cutting.drive import Rig
+from cutenv.agents.learning.arguments import BadArguments, PPOArguments, for_rig
+from cutenv.agents.sim_to_real import axis_response
+from cutenv.agents.sim_to_real.identification import Identification, Plan
 from cutenv.envs import GentleCutEnv, GentleCutVectorEnv, RigCutEnv
-from cutenv.learning.arguments import BadArguments, PPOArguments, for_rig
-from cutenv.measurement import sensor_noise
-from cutenv.measurement.sensor_noise import longest_still, sensor_at_rest
+from cutenv.records.measurement import sensor_noise
+from cutenv.records.measurement.sensor_noise import longest_still, sensor_at_rest
 from cutenv.rig.config.identified import SIMULATED, environment_arguments
 from cutenv.rig.config.settings import Identified, RigSettings, SafetyLimits, SensorCalibration
+from cutenv.rig.drivers.slow_profile import grbl_settings, slow_settings
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.recorder import Stretch
 from cutenv.rig.operation.suitability import simulator_keywords, top_speed
 from cutenv.rig.toml_file import to_toml
-from cutenv.rig_drivers.slow_profile import grbl_settings, slow_settings
-from cutenv.sim_to_real import axis_response
-from cutenv.sim_to_real.identification import Identification, Plan
+from cutenv.sim.cutting.drive import Rig
 from cutenv.task.observation import COMPONENTS
 from cutenv.task.reward import greatest_action
 

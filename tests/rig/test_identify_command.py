@@ -9,16 +9,16 @@ from pathlib import Path
 import gymnasium
 import pytest
 
-from cutenv import cli
-from cutenv.cutting.drive import Rig
-from cutenv.imitated.fake_benches import AirPlant
-from cutenv.imitated.fake_rig import FakeRig
+from cutenv.agents.sim_to_real.identification import APPROACH, Plan, identification_from, perform
+from cutenv.commands import cli
 from cutenv.rig.config.settings import Identified, RigSettings, fake_settings
+from cutenv.rig.imitated.fake_benches import AirPlant
+from cutenv.rig.imitated.fake_rig import FakeRig
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.preflight import SETTLE, prepare
 from cutenv.rig.safety.stop_causes import Cause, RigStopped
 from cutenv.rig.toml_file import read_rig_file, to_toml, write_identified
-from cutenv.sim_to_real.identification import APPROACH, Plan, identification_from, perform
+from cutenv.sim.cutting.drive import Rig
 
 DEPTH = ((0.0, 0.02), (0.149, 0.02))
 

@@ -16,7 +16,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule, run_state_machine_as_test
 
-from cutenv.rig.devices.drivers import NEXT, DriveState, Event, Latch, Phase
+from cutenv.rig.devices.protocols import NEXT, DriveState, Event, Latch, Phase
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.stop_causes import Cause, RigStopped
 

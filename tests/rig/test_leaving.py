@@ -12,10 +12,10 @@ import pytest
 from waiting import until
 
 from cutenv.envs.rig_cut import RigCutEnv
-from cutenv.recording import load_one
-from cutenv.recording.appending import AppendingRecord
+from cutenv.records import load_one
+from cutenv.records.appending import AppendingRecord
 from cutenv.rig.safety.stop_causes import Cause
-from cutenv.trace import Reading
+from cutenv.sim.trace import Reading
 
 
 def made_env(**arguments: Any) -> RigCutEnv:

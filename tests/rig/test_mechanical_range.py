@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from cutenv import cli
-from cutenv.imitated.emulator.assembly import RANGES, EmulatedRig, Options
-from cutenv.imitated.emulator.process import emulated_settings
-from cutenv.imitated.fake_benches import AirPlant
-from cutenv.imitated.fake_rig import FakeRig
+from cutenv.commands import cli
 from cutenv.rig.config.settings import fake_settings
+from cutenv.rig.imitated.emulator.assembly import RANGES, EmulatedRig, Options
+from cutenv.rig.imitated.emulator.process import emulated_settings
+from cutenv.rig.imitated.fake_benches import AirPlant
+from cutenv.rig.imitated.fake_rig import FakeRig
 from cutenv.rig.toml_file import read_rig_file, to_toml
 
 WIDE = RANGES["thesis"]

@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cutenv.imitated.emulator.sensor_server import SensorPage, SensorServer
 from cutenv.rig.devices.netft_sensor import (
     LARGEST,
     PacketError,
@@ -27,6 +26,7 @@ from cutenv.rig.devices.netft_sensor import (
     status_meaning,
 )
 from cutenv.rig.errors import RigError
+from cutenv.rig.imitated.emulator.sensor_server import SensorPage, SensorServer
 
 UNSIGNED = st.integers(0, 2**32 - 1)
 SIGNED = st.integers(-(2**31), 2**31 - 1)

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from made_ready import ready_rig, release
 
-from cutenv.cutting.dtypes import READING, TICK
-from cutenv.imitated.emulator.process import start
-from cutenv.imitated.fake_rig import replayed_rig
-from cutenv.plant import Leg, Plant, SimulatedPlant, run, to_trace
 from cutenv.rig.devices.host import preferred
 from cutenv.rig.hardware import rig_plant
+from cutenv.rig.imitated.emulator.process import start
+from cutenv.rig.imitated.fake_rig import replayed_rig
 from cutenv.rig.operation.preflight import SETTLE
 from cutenv.rig.safety.stop_causes import RigStopped
-from cutenv.tissue.specimen import N_POINTS, Specimen
+from cutenv.sim.cutting.dtypes import READING, TICK
+from cutenv.sim.plant import Leg, Plant, SimulatedPlant, run, to_trace
+from cutenv.sim.tissue.specimen import N_POINTS, Specimen
 
 UPRIGHT = math.pi / 2
 

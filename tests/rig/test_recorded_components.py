@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from cutenv.imitated.fake_rig import fake_rig
 from cutenv.rig.config.settings import SensorSettings, fake_settings
+from cutenv.rig.imitated.fake_rig import fake_rig
 from cutenv.rig.operation.session import recorded_channels, recorded_rows
-from cutenv.tissue.specimen import Specimen
-from cutenv.trace import COMPONENTS_OF_FORCE
+from cutenv.sim.tissue.specimen import Specimen
+from cutenv.sim.trace import COMPONENTS_OF_FORCE
 
 
 def recorded(components: str) -> tuple[tuple[str, ...], list[tuple[float, ...]] | None, np.ndarray]:

@@ -8,7 +8,7 @@ import pytest
 from hand_moved_rig import HandMovedRig
 from scripted_operator import ScriptedOperator
 
-from cutenv.rig.devices.drivers import DriveState, Phase
+from cutenv.rig.devices.protocols import DriveState, Phase
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.preflight import prepare, return_inside

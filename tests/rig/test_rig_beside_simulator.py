@@ -9,13 +9,9 @@ import numpy as np
 import pytest
 from scripted_operator import ScriptedOperator
 
-from cutenv.cli import main
-from cutenv.envs.rig_cut import RigCutEnv
-from cutenv.policy import BASELINES
-from cutenv.recording import load_one
-from cutenv.rig.safety.stop_causes import Cause
-from cutenv.sim_to_real import Agreement
-from cutenv.sim_to_real.paired_experiment import (
+from cutenv.agents.policy import BASELINES
+from cutenv.agents.sim_to_real import Agreement
+from cutenv.agents.sim_to_real.paired_experiment import (
     PairedCuts,
     cut_on_rig,
     cut_once,
@@ -24,9 +20,13 @@ from cutenv.sim_to_real.paired_experiment import (
     simulate_cuts,
     simulator_like,
 )
-from cutenv.sim_to_real.specimen_twin import fit_twin
-from cutenv.tissue.description import measured_liver
-from cutenv.tissue.specimen import Specimen
+from cutenv.agents.sim_to_real.specimen_twin import fit_twin
+from cutenv.commands.cli import main
+from cutenv.envs.rig_cut import RigCutEnv
+from cutenv.records import load_one
+from cutenv.rig.safety.stop_causes import Cause
+from cutenv.sim.tissue.description import measured_liver
+from cutenv.sim.tissue.specimen import Specimen
 
 SPECIMENS, DRAWS, SEED = 14, 3, 11
 SHORT = {"target_length": 0.04, "specimen_class": "liver"}

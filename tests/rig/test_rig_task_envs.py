@@ -14,17 +14,17 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from scripted_operator import ScriptedOperator
 
-from cutenv.cli import main
+from cutenv.agents.policy.depth_policies import DEPTH_SCRIPTS
+from cutenv.agents.policy.path_policies import PATH_SCRIPTS
+from cutenv.commands.cli import main
 from cutenv.envs.depth_cut import to_depth_action
 from cutenv.envs.path_cut import to_path_action
 from cutenv.envs.rig_cut import RigDepthCutEnv, RigPathCutEnv
-from cutenv.policy.depth_policies import DEPTH_SCRIPTS
-from cutenv.policy.path_policies import PATH_SCRIPTS
-from cutenv.recording import load_one
+from cutenv.records import load_one
 from cutenv.rig.config.settings import fake_settings
 from cutenv.rig.errors import RigError
 from cutenv.rig.toml_file import to_toml
-from cutenv.tissue.lines import arc
+from cutenv.sim.tissue.lines import arc
 
 UPRIGHT = math.pi / 2
 BENT = arc(0.06, turn=math.radians(20.0))

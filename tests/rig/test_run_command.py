@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from cutenv.cli import main
+from cutenv.commands.cli import main
 from cutenv.envs.rig_cut import RigCutEnv
-from cutenv.recording import load_one
+from cutenv.records import load_one
 from cutenv.rig.config.settings import fake_settings
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.toml_file import to_toml
@@ -52,7 +52,7 @@ def test_a_shipped_policy_cuts_and_everything_is_told(tmp_path, capsys):
 def test_it_needs_no_torch(tmp_path):
     pytest.importorskip("safetensors", reason="policies are kept with an extra: pip install 'cutenv[view]'")
     code = (
-        "import sys; from cutenv.cli import main; "
+        "import sys; from cutenv.commands.cli import main; "
         f"status = main(['rig', 'run', '--policy', 'ppo-free', '--rig', 'fake', '--out', {str(tmp_path)!r}]); "
         "assert not {'torch', 'stable_baselines3'} & set(sys.modules); sys.exit(status)"
     )

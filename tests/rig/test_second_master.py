@@ -9,7 +9,7 @@ from hand_moved_drive import MILLI_RPM_PER_M_S
 from hand_moved_rig import HandMovedRig
 
 from cutenv.rig.devices.canopen.objects import command_of_another
-from cutenv.rig.devices.drivers import DriveState, Phase
+from cutenv.rig.devices.protocols import DriveState, Phase
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.stop_causes import Cause, RigStopped
 

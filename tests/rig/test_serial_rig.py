@@ -16,30 +16,30 @@ import numpy as np
 import pytest
 from waiting import until
 
-from cutenv import cli
+from cutenv.commands import cli
 from cutenv.commands.rig.run import paced
 from cutenv.commands.rig.weigh import mass_of, measured_values
-from cutenv.imitated.emulator.process import RunningEmulator
-from cutenv.imitated.emulator.serial_rig import (
+from cutenv.rig.config.settings import SIDE, RigSettings, SafetyLimits, SensorCalibration
+from cutenv.rig.contradictions import refuse_contradictions
+from cutenv.rig.devices import DriveState, ForceSample, Mounting, RigError, SystemClock
+from cutenv.rig.devices.driver_registry import mounted
+from cutenv.rig.devices.serial.board import board_line
+from cutenv.rig.drivers.conformance import Listening
+from cutenv.rig.drivers.slow_profile import RATES, slow_settings
+from cutenv.rig.hardware import rig_plant
+from cutenv.rig.imitated.emulator.process import RunningEmulator
+from cutenv.rig.imitated.emulator.serial_rig import (
     GRBL_FAULTS,
     SERIAL_FAULTS,
     EmulatedGrblRig,
     EmulatedSerialRig,
     SerialOptions,
 )
-from cutenv.rig.config.settings import SIDE, RigSettings, SafetyLimits, SensorCalibration
-from cutenv.rig.contradictions import refuse_contradictions
-from cutenv.rig.devices import DriveState, ForceSample, Mounting, RigError, SystemClock
-from cutenv.rig.devices.driver_registry import mounted
-from cutenv.rig.devices.serial.board import board_line
-from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operation.suitability import decisions, fits, stopping_ways, suitability_lines
 from cutenv.rig.operation.weighing import GRAVITY, Weighing, weigh
 from cutenv.rig.safety.monitors import ForceMonitor, ForceReadings
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.toml_file import read_rig_file, template, to_toml
-from cutenv.rig_drivers.conformance import Listening
-from cutenv.rig_drivers.slow_profile import RATES, slow_settings
 from scripts.validation.rig import rig_faults, rig_trials
 
 

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutenv import cli
-from cutenv.cutting.drive import PDRig, Rig
-from cutenv.cutting.sensor import SensorParameters
-from cutenv.measurement import speed_tracking
-from cutenv.plant import SimulatedPlant, to_trace
-from cutenv.recording import save
-from cutenv.tissue import Specimen
-from cutenv.trace import Trace
+from cutenv.commands import cli
+from cutenv.records import save
+from cutenv.records.measurement import speed_tracking
+from cutenv.sim.cutting.drive import PDRig, Rig
+from cutenv.sim.cutting.sensor import SensorParameters
+from cutenv.sim.plant import SimulatedPlant, to_trace
+from cutenv.sim.tissue import Specimen
+from cutenv.sim.trace import Trace
 
 SPEED = 0.0127
 SOFT = PDRig(proportional_gain=20e3, derivative_gain=3e3)

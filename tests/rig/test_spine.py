@@ -19,8 +19,8 @@ import pytest
 from stage_in_memory import HANGS, TOLD, Balance, settings, told
 from waiting import until
 
-from cutenv.rig.devices.drivers import DriveState, ForceSample, MotionSample
 from cutenv.rig.devices.host import SystemClock
+from cutenv.rig.devices.protocols import DriveState, ForceSample, MotionSample
 from cutenv.rig.errors import RigError
 from cutenv.rig.hardware import rig_plant
 from cutenv.rig.plant import RigPlant

@@ -8,13 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from cutenv.envs import RigCutEnv, RigDepthCutEnv, RigPathCutEnv
-from cutenv.envs.depth_cut import DepthCutEnv
-from cutenv.envs.path_cut import PathCutEnv
-from cutenv.policy.depth_policies import FollowDepth
-from cutenv.policy.path_policies import SteerByForce
-from cutenv.scoring import MAP_METRICS
-from cutenv.sim_to_real.measures import (
+from cutenv.agents.policy.depth_policies import FollowDepth
+from cutenv.agents.policy.path_policies import SteerByForce
+from cutenv.agents.sim_to_real.measures import (
     MAP_MEASURES,
     MEASURES,
     ComparedCut,
@@ -23,7 +19,11 @@ from cutenv.sim_to_real.measures import (
     place_rmse,
     position_rmse,
 )
-from cutenv.sim_to_real.paired_experiment import cut_once, simulator_like
+from cutenv.agents.sim_to_real.paired_experiment import cut_once, simulator_like
+from cutenv.envs import RigCutEnv, RigDepthCutEnv, RigPathCutEnv
+from cutenv.envs.depth_cut import DepthCutEnv
+from cutenv.envs.path_cut import PathCutEnv
+from cutenv.records.scoring import MAP_METRICS
 
 SEED, EPISODE = 5, 1
 

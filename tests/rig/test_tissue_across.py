@@ -11,19 +11,19 @@ import pytest
 from hand_moved_drive import INCREMENT
 
 from cutenv.commands.rig.emulate import _options, _parser
-from cutenv.cutting.sensor import SensorParameters
-from cutenv.imitated.emulator.assembly import EmulatedRig, Options
-from cutenv.imitated.emulator.control import answered
-from cutenv.imitated.emulator.hub import Frame
-from cutenv.imitated.emulator.mechanics import ARM, EmulatedTissue
-from cutenv.imitated.tissue_in_plane import TissueInPlane
 from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.config.settings import across
 from cutenv.rig.devices.canopen.objects import HOMED
 from cutenv.rig.errors import RigError
-from cutenv.tissue import Specimen
-from cutenv.tissue.layers import Layers
-from cutenv.tissue.lines import arc
+from cutenv.rig.imitated.emulator.assembly import EmulatedRig, Options
+from cutenv.rig.imitated.emulator.control import answered
+from cutenv.rig.imitated.emulator.hub import Frame
+from cutenv.rig.imitated.emulator.mechanics import ARM, EmulatedTissue
+from cutenv.rig.imitated.tissue_in_plane import TissueInPlane
+from cutenv.sim.cutting.sensor import SensorParameters
+from cutenv.sim.tissue import Specimen
+from cutenv.sim.tissue.layers import Layers
+from cutenv.sim.tissue.lines import arc
 
 UPRIGHT = math.pi / 2
 WAY = np.linspace(0.0, 0.03, 1501)[1:]

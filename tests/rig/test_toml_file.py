@@ -15,11 +15,11 @@ from hypothesis import settings as examples
 from hypothesis import strategies as st
 from made_up_settings import measured, nearly_usual
 
-from cutenv import cli
+from cutenv.commands import cli
 from cutenv.rig.config.file_schema import SECTIONS
 from cutenv.rig.config.settings import CameraSettings, Identified, RigSettings, SensorCalibration
+from cutenv.rig.drivers.slow_profile import slow_settings
 from cutenv.rig.toml_file import read_rig_file, template, to_toml, write_identified
-from cutenv.rig_drivers.slow_profile import slow_settings
 
 FILLED = template("bench 2").replace("\n# FILL IN: ", "\n")
 PROFILE = ((0.0, 0.0081), (0.005, 0.0124), (0.15, 0.0175))

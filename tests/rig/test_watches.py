@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cutenv.rig.config.settings import MOST_BLIND, Identified, SafetyLimits, fake_settings
-from cutenv.rig.devices.drivers import DriveState, ForceSample, MotionSample
+from cutenv.rig.devices.protocols import DriveState, ForceSample, MotionSample
 from cutenv.rig.safety.monitors import FollowingMonitor, ForceMonitor, ForceReadings, MotionMonitor
 from cutenv.rig.safety.stop_causes import STILL, SURPLUS, Cause, SampleRateMonitor
 

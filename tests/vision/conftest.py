@@ -18,8 +18,8 @@ def filmed(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
     """Film with its truth, its frames, both calibrations, the record, and all of it as files."""
     for name in ("cv2", "av"):
         pytest.importorskip(name, reason=f"{name} is an extra: pip install 'cutenv[vision]'")
-    from cutenv.recording import save
-    from cutenv.trace import Trace
+    from cutenv.records import save
+    from cutenv.sim.trace import Trace
     from cutenv.vision.cameras import CalibrationBoard, calibrate_cameras, halves
     from scripts.validation.vision.rendering.filmed_cut import film_cut
 

@@ -13,9 +13,9 @@ pytest.importorskip("av", reason="av is an extra: pip install 'cutenv[vision]'")
 
 import cv2
 
-from cutenv.measurement import estimate_fracture_resistance
-from cutenv.measurement.depth import depth_sd
-from cutenv.scoring import score
+from cutenv.records.measurement import estimate_fracture_resistance
+from cutenv.records.measurement.depth import depth_sd
+from cutenv.records.scoring import score
 from cutenv.vision.blade_mark import MarkedBlade, UnusableFrame
 from cutenv.vision.depth_record import filmed_depth
 from cutenv.vision.film_source import VideoFrame

@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("cv2", reason="cv2 is an extra: pip install 'cutenv[vision]'")
 pytest.importorskip("av", reason="av is an extra: pip install 'cutenv[vision]'")
 
-from cutenv.tissue import CutModel
+from cutenv.sim.tissue import CutModel
 from cutenv.vision.blade_mark import MarkedBlade
 from cutenv.vision.depth_record import SeenRun, filmed_depth, runs_and_drops, seen_runs
 from cutenv.vision.film_source import VideoFrame

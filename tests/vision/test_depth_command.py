@@ -9,9 +9,9 @@ import pytest
 
 cv2 = pytest.importorskip("cv2", reason="cv2 is an extra: pip install 'cutenv[vision]'")
 
-from cutenv.cli import main  # noqa: E402
-from cutenv.recording import load_one, save  # noqa: E402
-from cutenv.report.film_pages import FRAME_COLUMNS  # noqa: E402
+from cutenv.commands.cli import main  # noqa: E402
+from cutenv.display.report.film_pages import FRAME_COLUMNS  # noqa: E402
+from cutenv.records import load_one, save  # noqa: E402
 from cutenv.vision.cameras import CalibratedCameras  # noqa: E402
 
 

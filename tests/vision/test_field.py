@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cutenv.tissue import CutModel, Specimen
+from cutenv.sim.tissue import CutModel, Specimen
 from cutenv.vision import BeadTracks
 from cutenv.vision.field_comparison import (
     FilmedMeasurement,

@@ -16,8 +16,8 @@ pytest.importorskip("pyarrow", reason="Parquet is an extra: pip install 'cutenv[
 pytest.importorskip("jinja2", reason="pages are an extra: pip install 'cutenv[vision]'")
 pytest.importorskip("matplotlib", reason="pictures are an extra: pip install 'cutenv[vision]'")
 
-from cutenv import cli
-from cutenv.recording import save
+from cutenv.commands import cli
+from cutenv.records import save
 from cutenv.vision import BeadTracks
 
 

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from cutenv.recording import read_record
+from cutenv.records import read_record
 
 pytest.importorskip("cv2", reason="OpenCV is an extra: pip install 'cutenv[vision]'")
 pytest.importorskip("av", reason="PyAV is an extra: pip install 'cutenv[vision]'")

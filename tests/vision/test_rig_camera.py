@@ -18,7 +18,7 @@ pytest.importorskip("av", reason="av is an extra: pip install 'cutenv[vision]'")
 
 from cutenv.envs.camera_process import _tell
 from cutenv.envs.rig_cut import RigCutEnv
-from cutenv.recording import load_one
+from cutenv.records import load_one
 from cutenv.rig.config.settings import CameraSettings
 from cutenv.rig.devices.camera import CAMERA_NOTE, RigCamera
 from cutenv.rig.operation.preflight import inspect_camera

@@ -17,7 +17,6 @@ from pathlib import Path
 
 from cutenv.commands.options import RIG, command_parser
 from cutenv.commands.rig import reports_rig_errors
-from cutenv.imitated.connection import operator_of, settings_of
 from cutenv.rig.config.settings import EMULATED, FAKE, Axis, RigSettings, SensorSettings
 from cutenv.rig.devices.driver_registry import (
     KIND_OF_ROLE,
@@ -29,8 +28,7 @@ from cutenv.rig.devices.driver_registry import (
     traits_of,
 )
 from cutenv.rig.devices.host import SystemClock, preferred
-from cutenv.rig.errors import RigError
-from cutenv.rig_drivers.conformance import (
+from cutenv.rig.drivers.conformance import (
     HEADER,
     TRIAL_TRAVEL,
     TriedPromise,
@@ -38,6 +36,8 @@ from cutenv.rig_drivers.conformance import (
     conform_motion,
     conformance_rows,
 )
+from cutenv.rig.errors import RigError
+from cutenv.rig.imitated.connection import operator_of, settings_of
 
 SECTIONS_TRIED = ("blade", "angle", "height", "side", "sensor")
 """Sections of a rig's file whose drivers can be tried."""
@@ -66,7 +66,7 @@ def tried_drivers(rig: str, sections: list[str] | None = None) -> Tried:
         raise ValueError(f"a fake rig has no drivers to try. Give {', '.join(map(repr, EMULATED))}, or a rig's file.")
     with ExitStack() as stack:
         if rig in EMULATED:
-            from cutenv.imitated.emulator.process import start
+            from cutenv.rig.imitated.emulator.process import start
 
             settings = stack.enter_context(start(free_air=True, kind=rig)).settings
         elif rig.endswith(".toml") or Path(rig).exists():

@@ -19,9 +19,9 @@ from cutenv.commands.options import add_specimen_class, command_parser, reports_
 from cutenv.rig.config.settings import Axis
 
 if TYPE_CHECKING:
-    from cutenv.imitated.emulator.assembly import Options
-    from cutenv.imitated.emulator.serial_rig import SerialOptions
     from cutenv.rig.config.mounted_specimen import MountedSpecimen
+    from cutenv.rig.imitated.emulator.assembly import Options
+    from cutenv.rig.imitated.emulator.serial_rig import SerialOptions
 
 _ROTOR_INERTIA_PER_MASS = (Axis().lead / (2.0 * math.pi * Axis().gear)) ** 2  # [m2]
 _CONSTANTS = (
@@ -56,8 +56,8 @@ _CONSTANTS = (
 def main(argv: Sequence[str]) -> int:
     """Run the command until it is ended; return 0, or 2 if an option is bad or a port is taken."""
     arguments = _parser().parse_args(argv)
-    from cutenv.imitated.emulator.emulated_bench import FAULTS, parsed_fault
-    from cutenv.imitated.emulator.serial_rig import GRBL_FAULTS, SERIAL_FAULTS
+    from cutenv.rig.imitated.emulator.emulated_bench import FAULTS, parsed_fault
+    from cutenv.rig.imitated.emulator.serial_rig import GRBL_FAULTS, SERIAL_FAULTS
 
     known_faults = GRBL_FAULTS if arguments.grbl else SERIAL_FAULTS if arguments.serial else FAULTS
     if arguments.list_faults:
@@ -66,7 +66,7 @@ def main(argv: Sequence[str]) -> int:
             known += ["axis=blade"] if fault.of_axis else []
             print(f"{name:<16} {fault.summary}" + (f" ({', '.join(known)})" if known else ""))
         return 0
-    from cutenv.imitated.emulator.process import serve
+    from cutenv.rig.imitated.emulator.process import serve
 
     parent = os.getppid() if arguments.with_parent == 0 else arguments.with_parent
     faults = [parsed_fault(text, known_faults) for text in arguments.fault]
@@ -78,7 +78,7 @@ def main(argv: Sequence[str]) -> int:
 
 def _mounted(arguments: argparse.Namespace) -> MountedSpecimen | None:
     from cutenv.rig.config.mounted_specimen import MountedSpecimen
-    from cutenv.tissue.description import load_description
+    from cutenv.sim.tissue.description import load_description
 
     if arguments.free_air:
         return None
@@ -89,8 +89,8 @@ def _mounted(arguments: argparse.Namespace) -> MountedSpecimen | None:
 
 
 def _serial_options(arguments: argparse.Namespace) -> SerialOptions:
-    from cutenv.cutting.dtypes import LawParameters
-    from cutenv.imitated.emulator.serial_rig import SerialOptions
+    from cutenv.rig.imitated.emulator.serial_rig import SerialOptions
+    from cutenv.sim.cutting.dtypes import LawParameters
 
     kind = "--grbl" if arguments.grbl else "--serial"
     allowed = {"debt_length_mm": "debt_length", "blade_friction_Ns_m2": "friction_per_depth_speed"}
@@ -121,11 +121,11 @@ def _serial_options(arguments: argparse.Namespace) -> SerialOptions:
 
 
 def _options(arguments: argparse.Namespace) -> Options:
-    from cutenv.cutting.dtypes import LawParameters
-    from cutenv.cutting.sensor import SensorParameters
-    from cutenv.imitated.emulator.assembly import Options
-    from cutenv.imitated.emulator.mechanics import Mechanics, hinge
     from cutenv.rig.config.settings import across
+    from cutenv.rig.imitated.emulator.assembly import Options
+    from cutenv.rig.imitated.emulator.mechanics import Mechanics, hinge
+    from cutenv.sim.cutting.dtypes import LawParameters
+    from cutenv.sim.cutting.sensor import SensorParameters
 
     given: dict[str, dict[str, float]] = {"mechanics": {}, "sensor": {}, "law": {}}
     for option, constant, unit, *_ in _CONSTANTS:

@@ -32,12 +32,12 @@ from cutenv.rig.errors import RigError
 from cutenv.task.registry import TASKS
 
 if TYPE_CHECKING:
+    from cutenv.agents.sim_to_real.evaluation_result import Evaluation
+    from cutenv.agents.sim_to_real.paired_experiment import ProgressCallback
+    from cutenv.agents.sim_to_real.sequential_experiment import RigComparison
     from cutenv.envs.gentle_cut import GentleCutEnv
     from cutenv.envs.rig_cut import RigCutEnv
-    from cutenv.sim_to_real.evaluation_result import Evaluation
-    from cutenv.sim_to_real.paired_experiment import ProgressCallback
-    from cutenv.sim_to_real.sequential_experiment import RigComparison
-    from cutenv.tissue.specimen import Specimen
+    from cutenv.sim.tissue.specimen import Specimen
 
 AGREE, DIFFER = 0, 1
 _OF_BOTH = ("control_hz", "deadline_s", "angle_mode", "fixed_angle_deg")
@@ -64,11 +64,11 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _evaluated(arguments: argparse.Namespace) -> Evaluation:
+    from cutenv.agents.sim_to_real import FEWEST_SPECIMENS
+    from cutenv.agents.sim_to_real.evaluation_result import Evaluation
+    from cutenv.agents.sim_to_real.paired_experiment import paired_experiment, save_records
     from cutenv.commands.rig.run import chosen_policy
     from cutenv.rig.operation.suitability import simulator_keywords
-    from cutenv.sim_to_real import FEWEST_SPECIMENS
-    from cutenv.sim_to_real.evaluation_result import Evaluation
-    from cutenv.sim_to_real.paired_experiment import paired_experiment, save_records
 
     _check_out(arguments)
     policy, wanted = chosen_policy(arguments.policy, arguments.task)
@@ -115,7 +115,7 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
 def _shared(arguments: argparse.Namespace, wanted: Mapping[str, Any]) -> dict[str, Any]:
     """Return the keywords of both environments; a note is printed if the rig is slower than the policy."""
     from cutenv.commands.rig.run import paced
-    from cutenv.imitated.connection import settings_of
+    from cutenv.rig.imitated.connection import settings_of
 
     shared: dict[str, Any] = {"specimen_class": arguments.specimen_class, "tissue": arguments.tissue}
     shared["target_length"] = target_length(arguments)
@@ -128,7 +128,7 @@ def _shared(arguments: argparse.Namespace, wanted: Mapping[str, Any]) -> dict[st
 
 
 def _simulator(rig: RigCutEnv, shared: Mapping[str, Any], changed: Mapping[str, Any]) -> GentleCutEnv:
-    from cutenv.sim_to_real.paired_experiment import simulator_like
+    from cutenv.agents.sim_to_real.paired_experiment import simulator_like
 
     if changed and not rig.draws_specimens:
         raise ValueError("--change is for an emulated or fake rig: a real one is described by its file.")
@@ -139,8 +139,8 @@ def _simulator(rig: RigCutEnv, shared: Mapping[str, Any], changed: Mapping[str, 
 @contextmanager
 def rig_comparison(arguments: argparse.Namespace, *, records: Path | None = None) -> Iterator[RigComparison]:
     """Make the comparison that the options ask for, on a rig that is closed at the end."""
+    from cutenv.agents.sim_to_real.sequential_experiment import RigComparison, two_names
     from cutenv.commands.rig.run import chosen_policy
-    from cutenv.sim_to_real.sequential_experiment import RigComparison, two_names
 
     names = two_names(arguments.policies)
     found = [chosen_policy(name, arguments.task) for name in names]
@@ -163,8 +163,8 @@ def rig_comparison(arguments: argparse.Namespace, *, records: Path | None = None
 
 def decide(arguments: argparse.Namespace) -> int:
     """Compare two policies until it is decided; the status is 0, whatever is decided."""
-    from cutenv.report.decision_page import write_decision
-    from cutenv.sim_to_real.sequential_experiment import KeptCuts
+    from cutenv.agents.sim_to_real.sequential_experiment import KeptCuts
+    from cutenv.display.report.decision_page import write_decision
 
     for option in ("policy", "specimen", "json"):
         if getattr(arguments, option) is not None:
@@ -196,7 +196,7 @@ def decide(arguments: argparse.Namespace) -> int:
 
 def _specimen(arguments: argparse.Namespace) -> Specimen | None:
     """Return the specimen that every cut is made in; None if each is another."""
-    from cutenv.tissue.specimen import Specimen
+    from cutenv.sim.tissue.specimen import Specimen
 
     if arguments.specimen is None:
         return None
@@ -233,7 +233,7 @@ def _check_out(arguments: argparse.Namespace) -> None:
 
 def _write(arguments: argparse.Namespace, evaluation: Evaluation) -> None:
     from cutenv._base.output import atomic_write
-    from cutenv.sim_to_real.evaluation_result import write_evaluation
+    from cutenv.agents.sim_to_real.evaluation_result import write_evaluation
 
     if arguments.json is not None:
         with atomic_write(arguments.json) as part:
@@ -257,7 +257,7 @@ def _progress(specimens: int, stack: ExitStack) -> ProgressCallback:
 
 
 def _parser() -> argparse.ArgumentParser:
-    from cutenv.sim_to_real.paired_experiment import DRAWS
+    from cutenv.agents.sim_to_real.paired_experiment import DRAWS
 
     parser = command_parser(
         "rig evaluate",

@@ -12,15 +12,15 @@ from datetime import date
 from pathlib import Path
 
 from cutenv._base.output import check_writable
+from cutenv.agents.sim_to_real.identification import Identification, Plan, identification_from, perform
 from cutenv.commands.options import RIG, command_parser, made_place
 from cutenv.commands.rig import reports_rig_errors
-from cutenv.imitated.connection import connected, operator_of, settings_of
 from cutenv.rig.config.settings import RIG_NAMES, RigSettings
 from cutenv.rig.errors import RigError
+from cutenv.rig.imitated.connection import connected, operator_of, settings_of
 from cutenv.rig.operation.preflight import prepare
 from cutenv.rig.safety.stop_causes import RigStopped
 from cutenv.rig.toml_file import write_identified
-from cutenv.sim_to_real.identification import Identification, Plan, identification_from, perform
 
 _SELDOM = 0.05  # [s] between positions, above which no step of some tenths of a second is seen to begin
 
@@ -71,7 +71,7 @@ def _question(plan: Plan) -> str:
 def _report(found: Identification, settings: RigSettings, arguments: argparse.Namespace) -> None:
     print("\n".join(["", *found.table(settings.identified), "", "the fitted model beside sines:", *found.sine_table()]))
     if arguments.picture is not None:
-        from cutenv.report.axis_figures import draw_identification
+        from cutenv.display.report.axis_figures import draw_identification
 
         draw_identification(
             arguments.picture, found.drawn_steps(), found.drawn_sines(), title=f"{settings.name}, {date.today()}"

@@ -17,7 +17,7 @@ def main(argv: Sequence[str]) -> int:
     """Simulate the pairs, resample them, and print the plan."""
     arguments = _parser().parse_args(argv)
     from cutenv._base.validation import in_range
-    from cutenv.scoring.study.sequential import planned_pairs
+    from cutenv.records.scoring.study.sequential import planned_pairs
 
     pairs = int(in_range("--pilot", arguments.pilot, 20, 10_000, "1", "40 is a beginning."))
     with (

@@ -40,8 +40,8 @@ from cutenv.rig.devices.host import SystemClock
 from cutenv.task.registry import TASKS, RegisteredTask, task_made_as
 
 if TYPE_CHECKING:
+    from cutenv.agents.policy import Policy
     from cutenv.envs.rig_cut import RigCutEnv
-    from cutenv.policy import Policy
 
 
 _STEPS = 1000  # milli-rpm, which the axis asks its drive for
@@ -104,8 +104,8 @@ def chosen_policy(name: str, task: str = "gentle") -> tuple[Policy, dict[str, An
     Parameters
     ----------
     name : str
-        Name; ``MODULE:CLASS`` is a :class:`~cutenv.policy.Policy` of your own, in the present folder or an installed
-        module.
+        Name; ``MODULE:CLASS`` is a :class:`~cutenv.agents.policy.Policy` of your own, in the present folder or an
+        installed module.
     task : str
         Task that it is for, of :data:`cutenv.task.registry.TASKS`.
 
@@ -114,9 +114,9 @@ def chosen_policy(name: str, task: str = "gentle") -> tuple[Policy, dict[str, An
     ValueError, FileNotFoundError
         If there is no such policy, or it is for another task.
     """
-    from cutenv.policy import gentle_policy, named_policy
-    from cutenv.policy.interface import PrivilegedPolicy
-    from cutenv.policy.shipped import SHIPPED, policy_of_class
+    from cutenv.agents.policy import gentle_policy, named_policy
+    from cutenv.agents.policy.interface import PrivilegedPolicy
+    from cutenv.agents.policy.shipped import SHIPPED, policy_of_class
 
     chosen = TASKS[task]
     own_policies, scripts = chosen.policies or chosen.scripts, ", ".join(chosen.scripts)
@@ -163,8 +163,8 @@ def paced(keywords: dict[str, Any], settings: RigSettings) -> tuple[dict[str, An
 
 
 def _environment(arguments: argparse.Namespace, keywords: dict[str, Any], **more: Any) -> RigCutEnv:
-    from cutenv.imitated.connection import settings_of
-    from cutenv.tissue.drawn_lines import KINDS
+    from cutenv.rig.imitated.connection import settings_of
+    from cutenv.sim.tissue.drawn_lines import KINDS
 
     keywords, note = paced(keywords, settings_of(arguments.rig))
     if note:
@@ -211,7 +211,7 @@ def _dry_run(arguments: argparse.Namespace) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from cutenv.recording.lsl import LslOutlet
+    from cutenv.records.foreign.lsl import LslOutlet
     from cutenv.rig.operation.recorder import published
     from cutenv.rig.safety.stop_causes import ENDS_SESSION
 

@@ -21,12 +21,12 @@ from cutenv.commands.options import (
     made_place,
     reports_errors,
 )
-from cutenv.cutting.drive import DRIVES
 from cutenv.rig.config.settings import EMULATOR, FAKE
 from cutenv.rig.errors import RigError
+from cutenv.sim.cutting.drive import DRIVES
 
 if TYPE_CHECKING:
-    from cutenv.trace import Trace
+    from cutenv.sim.trace import Trace
 
 _SIMULATOR = "simulator"
 _MADE = (_SIMULATOR, EMULATOR, FAKE)
@@ -52,12 +52,12 @@ def main(argv: Sequence[str]) -> int:
     if arguments.picture is not None:
         made_place("--picture", arguments.picture)
     trace = _cut(str(source), speed, given, arguments) if made else chosen_cut(read_records(arguments), arguments.cut)
-    from cutenv.measurement import speed_tracking
+    from cutenv.records.measurement import speed_tracking
 
     found = speed_tracking(trace, speed)
     print("\n".join(found.lines))
     if arguments.picture is not None:
-        from cutenv.report.axis_figures import draw_speed
+        from cutenv.display.report.axis_figures import draw_speed
 
         name = trace.metadata.get("name", source)
         kind = f", {_DRIVEN[arguments.drive]}" if made else ""
@@ -86,9 +86,9 @@ def _cut(source: str, speed: float, given: dict[str, float], arguments: argparse
         raise ValueError(f'--drive hand is of the simulator; rig "{source}" has a motor.')
     import numpy as np
 
+    from cutenv.agents.policy import ConstantFeed
     from cutenv.envs.rig_cut import RigCutEnv
-    from cutenv.policy import ConstantFeed
-    from cutenv.recording import load_one
+    from cutenv.records import load_one
 
     with tempfile.TemporaryDirectory() as folder:
         keywords: dict[str, Any] = {"drive": arguments.drive, "specimen_class": arguments.specimen_class, **given}
@@ -110,8 +110,8 @@ def _simulated(speed: float, given: dict[str, float], arguments: argparse.Namesp
     import numpy as np
 
     from cutenv.envs.constants import Constants
-    from cutenv.plant import SimulatedPlant, to_trace
-    from cutenv.tissue import Specimen
+    from cutenv.sim.plant import SimulatedPlant, to_trace
+    from cutenv.sim.tissue import Specimen
 
     constants = Constants.from_keywords(given, drive=arguments.drive)
     specimen = Specimen.drawn(arguments.seed, 0, specimen_class=arguments.specimen_class)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 
-from cutenv.cutting.drive import PDRig, Rig
 from cutenv.rig.config.settings import Identified, PositionControl, RigSettings
+from cutenv.sim.cutting.drive import PDRig, Rig
 
 SIMULATED = (
     "motor_lag", "dead_time", "acceleration", "backlash", "force_noise", "force_resolution", "force_drift",

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from cutenv._base.validation import array_in_range
 from cutenv.rig.config.settings import RigSettings
+from cutenv.sim.quantities import SHALLOWEST
+from cutenv.sim.tissue.description import TissueDescription
+from cutenv.sim.tissue.grid import N_POINTS, SPACING
+from cutenv.sim.tissue.layers import Layers
+from cutenv.sim.tissue.lines import CutLine
+from cutenv.sim.tissue.specimen import Specimen
 from cutenv.task.beginning import SHORTEST
-from cutenv.task_quantities import SHALLOWEST
-from cutenv.tissue.description import TissueDescription
-from cutenv.tissue.grid import N_POINTS, SPACING
-from cutenv.tissue.layers import Layers
-from cutenv.tissue.lines import CutLine
-from cutenv.tissue.specimen import Specimen
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +45,7 @@ class MountedSpecimen:
 
 
 DEEPEST = 0.060
-"""Largest depth of cut allowed in a profile; the smallest is :data:`~cutenv.task_quantities.SHALLOWEST` [m]."""
+"""Largest depth of cut allowed in a profile; the smallest is :data:`~cutenv.sim.quantities.SHALLOWEST` [m]."""
 _FIRST = 0.001  # [m] from the clamp, within which a profile has to begin
 _CURE = "Measure the specimen by caliper: depth_profile = [[position_mm, depth_mm], ...], from the clamp on."
 

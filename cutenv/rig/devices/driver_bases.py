@@ -13,8 +13,8 @@ from typing import ClassVar
 
 from cutenv._base.validation import in_range
 from cutenv.rig.config.settings import Axis
-from cutenv.rig.devices.drivers import DriveState, Event, ForceListener, ForceSample, Latch, MotionListener
 from cutenv.rig.devices.host import Clock
+from cutenv.rig.devices.protocols import DriveState, Event, ForceListener, ForceSample, Latch, MotionListener
 from cutenv.rig.devices.reading_stream import ReadingMean, ReadingStream, Zero
 from cutenv.rig.errors import RigError
 
@@ -25,7 +25,7 @@ STATE_LIMIT = 1.0
 
 
 class AxisDriver(ABC):
-    """Axis on a device that reports its state by itself; a :class:`~cutenv.rig.devices.drivers.MotionDriver`.
+    """Axis on a device that reports its state by itself; a :class:`~cutenv.rig.devices.protocols.MotionDriver`.
 
     After :meth:`quick_stop` nothing that could give the device power or speed is sent until the latch is reset, because
     on some a command would start the blade again.
@@ -251,7 +251,7 @@ Counts = tuple[int, int, int, int, int, int]
 
 
 class StreamedSensor(ABC):
-    """Force sensor that streams readings, as a :class:`cutenv.rig.devices.drivers.ForceDriver`.
+    """Force sensor that streams readings, as a :class:`cutenv.rig.devices.protocols.ForceDriver`.
 
     Times of the readings are those of their arrival. A sensor that falls silent is not started again, because it may
     have been switched off and on, which loses its zero: close, open and tare it.

@@ -3,7 +3,7 @@
 It finds what ``driver = "..."`` in a rig's file names, in this package, in another, or by its class.
 
 A driver is a class, or a function, that is called with a :class:`Mounting` and returns a
-:class:`~cutenv.rig.devices.drivers.MotionDriver`, a :class:`~cutenv.rig.devices.drivers.ForceDriver` or a
+:class:`~cutenv.rig.devices.protocols.MotionDriver`, a :class:`~cutenv.rig.devices.protocols.ForceDriver` or a
 :class:`cutenv.vision.film_source.CameraDriver`. :func:`rig_driver` declares what it takes from the file.
 """
 
@@ -54,24 +54,24 @@ KIND_OF_ROLE = {
 
 OPTIONS = "options"
 """Name of the table of a driver's own keys, as in ``[blade.options]``."""
-OWN_DRIVERS: Mapping[DriverKind, Mapping[str, str]] = {
+SHIPPED_DRIVERS: Mapping[DriverKind, Mapping[str, str]] = {
     DriverKind.MOTION: {
         "canopen": "cutenv.rig.devices.mounted:mounted_axis",
         "serial": "cutenv.rig.devices.serial.board_drivers:StepperAxis",
-        "grbl": "cutenv.rig_drivers.grbl_axis:GrblAxis",
+        "grbl": "cutenv.rig.drivers.grbl_axis:GrblAxis",
     },
     DriverKind.FORCE: {
-        "analogue": "cutenv.rig_drivers.analogue_sensor:AnalogueSensor",
-        "bota": "cutenv.rig_drivers.bota_sensor:bota_sensor",
+        "analogue": "cutenv.rig.drivers.analogue_sensor:AnalogueSensor",
+        "bota": "cutenv.rig.drivers.bota_sensor:bota_sensor",
         "netft": "cutenv.rig.devices.mounted:mounted_sensor",
-        "robotiq": "cutenv.rig_drivers.robotiq_sensor:robotiq_sensor",
+        "robotiq": "cutenv.rig.drivers.robotiq_sensor:robotiq_sensor",
         "serial": "cutenv.rig.devices.serial.board_drivers:LoadCell",
     },
     DriverKind.CAMERA: {"opencv": "cutenv.vision.film_source:mounted_camera"},
 }
 """Drivers of this package by name, each as ``module:attribute``; loaded when they are asked for."""
 
-OWN_KEYS: Mapping[str, frozenset[str]] = {
+SHIPPED_KEYS: Mapping[str, frozenset[str]] = {
     "canopen": frozenset(
         [f"bus.{key}" for key in ("interface", "channel", "bitrate", "host", "port", "node", "heartbeat")]
         + [
@@ -85,7 +85,9 @@ OWN_KEYS: Mapping[str, frozenset[str]] = {
 }
 """Keys of the common sections that only this driver, or another that declares its need of them, reads."""
 
-CONDITIONAL = frozenset().union(*OWN_KEYS.values()) | {f"{axis}.lead" for axis in ("blade", "angle", "height", "side")}
+CONDITIONAL = frozenset().union(*SHIPPED_KEYS.values()) | {
+    f"{axis}.lead" for axis in ("blade", "angle", "height", "side")
+}
 """Keys that a person has to supply only for a driver that needs them."""
 
 
@@ -231,7 +233,7 @@ def registered_drivers(kind: DriverKind) -> dict[str, RegisteredDriver]:
 
     A package cannot take a name of this package's: its driver is then listed under ``package.name``.
     """
-    found = {name: RegisteredDriver(name, kind, "cutenv", target) for name, target in OWN_DRIVERS[kind].items()}
+    found = {name: RegisteredDriver(name, kind, "cutenv", target) for name, target in SHIPPED_DRIVERS[kind].items()}
     for point in entry_points(group=kind.group):
         origin = point.dist.name if point.dist is not None else "?"
         name = point.name if point.name not in found else f"{origin}.{point.name}"

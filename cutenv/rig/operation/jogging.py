@@ -11,9 +11,9 @@ from enum import Enum
 from typing import Protocol
 
 from cutenv._base.validation import in_range
-from cutenv.cutting.dtypes import TICK
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.stop_causes import WATCH
+from cutenv.sim.cutting.dtypes import TICK
 
 SPEED = 0.002
 """Default speed of the blade [m/s]."""

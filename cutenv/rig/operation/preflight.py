@@ -20,7 +20,7 @@ import numpy as np
 
 from cutenv.rig.config.settings import Axis, CameraSettings, CrossAxis, RigSettings, expired
 from cutenv.rig.devices.camera import RigCamera
-from cutenv.rig.devices.drivers import DriveState
+from cutenv.rig.devices.protocols import DriveState
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import Operator
 from cutenv.rig.operation.recorder import Recorder

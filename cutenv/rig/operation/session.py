@@ -26,19 +26,19 @@ from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.oversight import guarded
 from cutenv.rig.safety.stop_causes import ENDS_SESSION, WATCH, RigStopped
 from cutenv.rig.travel import RAISE_SPEED
-from cutenv.tissue.grid import depth_below
-from cutenv.tissue.specimen import Specimen
-from cutenv.trace import COMPONENTS_OF_FORCE, PLACE, Reading
+from cutenv.sim.tissue.grid import depth_below
+from cutenv.sim.tissue.specimen import Specimen
+from cutenv.sim.trace import COMPONENTS_OF_FORCE, PLACE, Reading
 
 Row = tuple[float, ...]
 
 
 def recorded_channels(settings: RigSettings) -> tuple[str, ...]:
-    """Return the fields that a rig records beside a :class:`~cutenv.trace.Reading`'s.
+    """Return the fields that a rig records beside a :class:`~cutenv.sim.trace.Reading`'s.
 
     With a height axis "height" and "vertical_force", with one to the side "blade_x", "blade_y" and "lateral_force";
     with either, or if its file says so, the six components.  They are what ``beside`` of
-    :class:`cutenv.recording.AppendingRecord` takes.
+    :class:`cutenv.records.AppendingRecord` takes.
     """
     names: tuple[str, ...] = ()
     if settings.height is not None:
@@ -58,12 +58,12 @@ def recorded_rows(plant: RigPlant, readings: StructArray) -> tuple[list[Reading]
     plant : RigPlant
         The rig, whose ``keep`` is called with these readings.
     readings : Records
-        :data:`cutenv.cutting.dtypes.READING`, shape (n,).
+        :data:`cutenv.sim.cutting.dtypes.READING`, shape (n,).
 
     Returns
     -------
     tuple of (list of Reading, list of tuple or None)
-        For :meth:`cutenv.recording.AppendingRecord.append`; None where nothing is beside them.
+        For :meth:`cutenv.records.AppendingRecord.append`; None where nothing is beside them.
     """
     depth = depth_below(plant.depth, readings["position"])
     columns = [readings[field].tolist() for field in ("time", "force", "position", "speed", "angle")]

@@ -9,13 +9,13 @@ import math
 from dataclasses import fields
 from typing import NamedTuple
 
-from cutenv.cutting.sensor import SensorParameters
 from cutenv.rig.config.identified import environment_arguments
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.driver_registry import KIND_OF_ROLE, traits_of
 from cutenv.rig.devices.serial.board_drivers import sensor_delay
 from cutenv.rig.safety.stop_causes import Cause, detection_times
 from cutenv.rig.safety.supervisor import MARGIN
+from cutenv.sim.cutting.sensor import SensorParameters
 
 TASK_SPEED = 0.0254
 """Greatest speed that an action of the tasks commands [m/s]."""

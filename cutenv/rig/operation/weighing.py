@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutenv._base.validation import in_range
-from cutenv.rig.devices.drivers import ForceSample, MotionSample
+from cutenv.rig.devices.protocols import ForceSample, MotionSample
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import Operator
 from cutenv.rig.plant import RigPlant

@@ -9,7 +9,7 @@ from functools import partial
 from typing import NamedTuple
 
 from cutenv.rig.config.settings import HeightAxis, Identified, Reach, RigSettings, SafetyLimits
-from cutenv.rig.devices.drivers import DriveState, ForceSample, MotionSample
+from cutenv.rig.devices.protocols import DriveState, ForceSample, MotionSample
 from cutenv.rig.devices.reading_stream import LEAK, SEQUENCES, SampleClock
 from cutenv.rig.safety.stop_causes import STILL, SURPLUS, Breach, Cause, SampleRateMonitor, stuck_after
 

@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 
 from cutenv.rig.config.settings import RigSettings, SafetyLimits
-from cutenv.rig.devices.drivers import DriveState, Event, ForceSample, Latch, MotionDriver, MotionSample, Phase
 from cutenv.rig.devices.host import Clock
+from cutenv.rig.devices.protocols import DriveState, Event, ForceSample, Latch, MotionDriver, MotionSample, Phase
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.monitors import CREEP, ForceMonitor, ForceReadings, MotionMonitor
 from cutenv.rig.safety.stop_causes import Breach, Cause, QuickStops, StopReport
@@ -89,7 +89,7 @@ class Supervisor:
 
     @property
     def phase(self) -> Phase:
-        """State of the rig, which decides whether it may move; see :mod:`cutenv.rig.devices.drivers`."""
+        """State of the rig, which decides whether it may move; see :mod:`cutenv.rig.devices.protocols`."""
         return self._latch.phase
 
     # Reports from the drivers

@@ -17,13 +17,22 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from cutenv.learning.evaluation import Contestant, evaluate
-from cutenv.learning.seeds import TEST_SEEDS
-from cutenv.learning.statistics import differences, summarise
-from cutenv.policy import BASELINES, CONSTANT_FEEDS, GRID_ANGLES, GRID_SPEEDS, NULL_POLICIES, ORACLE, SCRIPTS, feed_name
+from cutenv.agents.learning.evaluation import Contestant, evaluate
+from cutenv.agents.learning.seeds import TEST_SEEDS
+from cutenv.agents.learning.statistics import differences, summarise
+from cutenv.agents.policy import (
+    BASELINES,
+    CONSTANT_FEEDS,
+    GRID_ANGLES,
+    GRID_SPEEDS,
+    NULL_POLICIES,
+    ORACLE,
+    SCRIPTS,
+    feed_name,
+)
+from cutenv.sim.quantities import TIME_SCALE
+from cutenv.sim.tissue.specimen import CLASSES
 from cutenv.task.reward import SAFETY_ENDS, WORST_STORED, RewardWeights
-from cutenv.task_quantities import TIME_SCALE
-from cutenv.tissue.specimen import CLASSES
 from scripts import ROOT
 from scripts.tables import interval_text, keep, kept_rows
 

@@ -28,14 +28,12 @@ import numpy as np
 
 from cutenv._base.arrays import Array, Array32, Indices
 from cutenv._engine.jit import njit
-from cutenv.envs.vector import CutBatch
-from cutenv.learning.seeds import TEST_SEEDS, VALIDATION_SEEDS
-from cutenv.learning.statistics import by_policy
-from cutenv.policy import OneReturnStroke, StopAndUnload
-from cutenv.policy.depth_policies import DepthByTwoForces, FollowDepth
-from cutenv.policy.interface import SPEED_COLUMN, ArrayPolicy
-from cutenv.policy.map_planner import wanted_bend
-from cutenv.policy.path_policies import (
+from cutenv.agents.learning.seeds import TEST_SEEDS, VALIDATION_SEEDS
+from cutenv.agents.learning.statistics import by_policy
+from cutenv.agents.policy import OneReturnStroke, StopAndUnload
+from cutenv.agents.policy.depth_policies import DepthByTwoForces, FollowDepth
+from cutenv.agents.policy.interface import SPEED_COLUMN, ArrayPolicy
+from cutenv.agents.policy.path_policies import (
     ALONG_NUMBERS,
     ENDING_NUMBERS,
     EXCISION_NUMBERS,
@@ -45,7 +43,9 @@ from cutenv.policy.path_policies import (
     SteerByForce,
     course_back,
 )
-from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
+from cutenv.agents.policy.third_axis_planners import wanted_bend
+from cutenv.envs.vector import CutBatch
+from cutenv.sim.tissue.grid import N_POINTS, POINTS_PER_METRE
 from scripts.benchmarks.agents.ladder import TrueTip, rows_of_rung
 from scripts.tables import keep, kept_rows, mean_text
 
@@ -145,13 +145,13 @@ DEPTH_RUNGS: dict[str, Callable[[], FollowDepth]] = {
 
 
 LENGTHS = (0.0053, 0.0055, 0.0029, 0.0011)
-"""Lengths [m] of :func:`~cutenv.policy.map_planner.wanted_bend`, chosen on training specimens."""
+"""Lengths [m] of :func:`~cutenv.agents.policy.third_axis_planners.wanted_bend`, chosen on training specimens."""
 
 
 class PathRung(SteerByForce):
     """The script with the tip, its distance to the line, or the direction of the crack from elsewhere.
 
-    ``numbers`` are those of the script, see :func:`cutenv.policy.path_policies.with_numbers`.
+    ``numbers`` are those of the script, see :func:`cutenv.agents.policy.path_policies.with_numbers`.
     """
 
     def __init__(

@@ -21,15 +21,15 @@ from typing import Any
 import numpy as np
 
 from cutenv._base.arrays import Array, StructArray
+from cutenv.agents.learning.evaluation import Contestant, evaluate
+from cutenv.agents.learning.seeds import TEST_SEEDS
+from cutenv.agents.learning.statistics import by_policy
+from cutenv.agents.policy import BASELINES, ORACLE, OneReturnStroke, StopAndUnload, TipEstimate
+from cutenv.agents.policy.interface import ArrayPolicy
 from cutenv.envs.vector import CutBatch
-from cutenv.learning.evaluation import Contestant, evaluate
-from cutenv.learning.seeds import TEST_SEEDS
-from cutenv.learning.statistics import by_policy
-from cutenv.policy import BASELINES, ORACLE, OneReturnStroke, StopAndUnload, TipEstimate
-from cutenv.policy.interface import ArrayPolicy
+from cutenv.sim.tissue.specimen import CLASSES
 from cutenv.task.info import GROUPS, INFO, column
 from cutenv.task.registry import TASKS
-from cutenv.tissue.specimen import CLASSES
 from scripts.tables import keep, kept_rows, mean_text
 
 FOLDER = Path("runs") / "ladder"

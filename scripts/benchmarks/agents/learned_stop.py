@@ -26,13 +26,13 @@ from torch import nn
 from tqdm import tqdm
 
 from cutenv._base.arrays import Array, Array32, Indices
+from cutenv.agents.learning.seeds import TEST_SEEDS, TRAINING_SEEDS
+from cutenv.agents.learning.statistics import by_policy, differences
+from cutenv.agents.policy import BASELINES, Features, OneReturnStroke, StopAndUnload
+from cutenv.agents.policy.interface import DISTANCE_COLUMN, POSITION_COLUMN, SPEED_COLUMN, ArrayPolicy, in_si
+from cutenv.agents.policy.scripted import coasting
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.envs.vector import CutBatch
-from cutenv.learning.seeds import TEST_SEEDS, TRAINING_SEEDS
-from cutenv.learning.statistics import by_policy, differences
-from cutenv.policy import BASELINES, Features, OneReturnStroke, StopAndUnload
-from cutenv.policy.interface import DISTANCE_COLUMN, POSITION_COLUMN, SPEED_COLUMN, ArrayPolicy, in_si
-from cutenv.policy.scripted import coasting
 from cutenv.task.observation import COMPONENTS
 from scripts.benchmarks.agents import ladder
 from scripts.tables import interval_text, keep, kept_rows, mean_text

@@ -22,10 +22,10 @@ from sb3_contrib import RecurrentPPO
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnv, VecFrameStack
 
+from cutenv.agents.learning.seeds import TEST_SEEDS
+from cutenv.agents.learning.statistics import mean_with_interval, rows_of, write_csv
+from cutenv.agents.sb3 import NativeVecEnv
 from cutenv.envs.tracks import PROTOCOL
-from cutenv.learning.seeds import TEST_SEEDS
-from cutenv.learning.statistics import mean_with_interval, rows_of, write_csv
-from cutenv.sb3 import NativeVecEnv
 from scripts import ROOT
 from scripts.tables import markdown_table
 

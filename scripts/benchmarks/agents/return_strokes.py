@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 
 from cutenv._base.arrays import Array
-from cutenv.learning.evaluation import batched_rollout, contestant
-from cutenv.learning.seeds import TEST_SEEDS
-from cutenv.learning.statistics import by_policy
+from cutenv.agents.learning.evaluation import batched_rollout, contestant
+from cutenv.agents.learning.seeds import TEST_SEEDS
+from cutenv.agents.learning.statistics import by_policy
 from scripts.tables import keep, kept_rows, mean_text
 
 FILE = Path("runs") / "strokes" / "strokes.csv"

@@ -13,10 +13,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from cutenv.agents.learning.evaluation import Contestant, contestant, evaluate
+from cutenv.agents.learning.seeds import TEST_SEEDS
+from cutenv.agents.learning.statistics import by_policy
 from cutenv.envs.tracks import COST_BUDGET_MM, PROTOCOL
-from cutenv.learning.evaluation import Contestant, contestant, evaluate
-from cutenv.learning.seeds import TEST_SEEDS
-from cutenv.learning.statistics import by_policy
 from scripts.tables import keep, kept_rows, markdown_table, mean_text
 
 FOLDER, FILE = Path("runs") / "safe-cut", "rows.csv"

@@ -23,18 +23,18 @@ from typing import Any
 
 import numpy as np
 
+from cutenv.agents.learning.evaluation import Contestant, contestant, evaluate
+from cutenv.agents.learning.seeds import TEST_SEEDS
+from cutenv.agents.learning.statistics import by_policy, differences
+from cutenv.agents.policy import SCRIPTS, ConstantFeed, Policy
+from cutenv.agents.sim_to_real import ComparedCut
+from cutenv.agents.sim_to_real.paired_experiment import LOST_TIME, cut_once, simulator_like
 from cutenv.envs import RigCutEnv
-from cutenv.imitated.connection import settings_of
-from cutenv.learning.evaluation import Contestant, contestant, evaluate
-from cutenv.learning.seeds import TEST_SEEDS
-from cutenv.learning.statistics import by_policy, differences
-from cutenv.policy import SCRIPTS, ConstantFeed, Policy
 from cutenv.rig.config.settings import Identified, RigSettings
 from cutenv.rig.errors import RigError
+from cutenv.rig.imitated.connection import settings_of
 from cutenv.rig.operation.suitability import decisions, simulator_keywords, top_speed
 from cutenv.rig.toml_file import to_toml, write_identified
-from cutenv.sim_to_real import ComparedCut
-from cutenv.sim_to_real.paired_experiment import LOST_TIME, cut_once, simulator_like
 from cutenv.task.reward import STOPPED
 from scripts.tables import interval_text, keep_json, kept_json, mean_text
 

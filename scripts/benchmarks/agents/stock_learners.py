@@ -27,10 +27,10 @@ import torch
 from stable_baselines3.common.callbacks import BaseCallback
 
 import cutenv  # noqa: F401  registers the environment
-from cutenv.learning.evaluation import contestant, evaluate
-from cutenv.learning.seeds import VALIDATION_SEEDS
-from cutenv.learning.statistics import rows_of, write_csv
-from cutenv.policy import feed_name
+from cutenv.agents.learning.evaluation import contestant, evaluate
+from cutenv.agents.learning.seeds import VALIDATION_SEEDS
+from cutenv.agents.learning.statistics import rows_of, write_csv
+from cutenv.agents.policy import feed_name
 from scripts import ROOT
 
 FOLDER = Path("runs") / "stock"

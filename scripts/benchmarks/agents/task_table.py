@@ -27,14 +27,14 @@ from typing import Any
 
 import numpy as np
 
+from cutenv.agents.learning.evaluation import Contestant, contestant, evaluate
+from cutenv.agents.learning.seeds import TEST_SEEDS
+from cutenv.agents.learning.statistics import by_policy, differences, summarise
 from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.envs.path_cut import ExcisionEnv, PathCutEnv
-from cutenv.learning.evaluation import Contestant, contestant, evaluate
-from cutenv.learning.seeds import TEST_SEEDS
-from cutenv.learning.statistics import by_policy, differences, summarise
+from cutenv.sim.tissue.grid import SPACING
 from cutenv.task.registry import TASKS
-from cutenv.tissue.grid import SPACING
 from scripts.tables import interval_text, keep, kept_rows, mean_text
 
 ORACLE = "planner with truth"

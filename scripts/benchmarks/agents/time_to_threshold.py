@@ -11,9 +11,9 @@ import dataclasses
 import json
 from pathlib import Path
 
-from cutenv.learning.arguments import LearnerArguments
-from cutenv.learning.on_policy import time_to_threshold
-from cutenv.learning.statistics import read_rows
+from cutenv.agents.learning.arguments import LearnerArguments
+from cutenv.agents.learning.on_policy import time_to_threshold
+from cutenv.agents.learning.statistics import read_rows
 
 
 def kept_arguments(run: Path) -> LearnerArguments:

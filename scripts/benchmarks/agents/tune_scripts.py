@@ -24,9 +24,8 @@ from typing import Any
 import numpy as np
 
 from cutenv._base.arrays import Array
-from cutenv.envs.vector import CutBatch
-from cutenv.learning.seeds import TRAINING_SEEDS, VALIDATION_SEEDS
-from cutenv.policy.path_policies import (
+from cutenv.agents.learning.seeds import TRAINING_SEEDS, VALIDATION_SEEDS
+from cutenv.agents.policy.path_policies import (
     BladeOnLine,
     LookAhead,
     OutsideTheBend,
@@ -35,7 +34,8 @@ from cutenv.policy.path_policies import (
     SteerByForce,
     with_numbers,
 )
-from cutenv.policy.scripted import INCLINED, UPRIGHT
+from cutenv.agents.policy.scripted import INCLINED, UPRIGHT
+from cutenv.envs.vector import CutBatch
 from cutenv.task.registry import TASKS
 from scripts.tables import keep_json, kept_json
 
@@ -68,7 +68,7 @@ ALONG = {
     "margin": Number(-0.0005, -0.015, 0.005),
     "retreat_speed": Number(0.012, 0.003, 0.0254),
 }
-"""Numbers of the script along the cut, :data:`cutenv.policy.path_policies.ALONG_NUMBERS`."""
+"""Numbers of the script along the cut, :data:`cutenv.agents.policy.path_policies.ALONG_NUMBERS`."""
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from cutenv.learning.benchmark import CUT_MARKS, IQM, MEAN, Protocol, paired_difference, standing, strata
-from cutenv.learning.statistics import Interval, rows_of, stratified
+from cutenv.agents.learning.benchmark import CUT_MARKS, IQM, MEAN, Protocol, paired_difference, standing, strata
+from cutenv.agents.learning.statistics import Interval, rows_of, stratified
 from scripts.benchmarks.leaderboard.kept_cuts import KeptRun, Row, read_runs
 from scripts.benchmarks.leaderboard.protocol import ENTRIES, REFERENCE
 

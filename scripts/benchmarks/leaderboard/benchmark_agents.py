@@ -18,9 +18,9 @@
 
 Finished parts are not repeated: interrupt it at any time, publish what is done with
 scripts/benchmarks/leaderboard/published.py --publish, and start it again, there or on another machine.
-cutenv/learning/benchmark.py defines the comparison, and scripts/benchmarks/leaderboard/protocol.py who takes part; the
-folder contains runs/ (one for each agent and training seed), cuts/ (one file for each of them), sweeps/ (with other
-constants), summary.csv, leaderboard.md and leaderboard.html.
+cutenv/agents/learning/benchmark.py defines the comparison, and scripts/benchmarks/leaderboard/protocol.py who takes
+part; the folder contains runs/ (one for each agent and training seed), cuts/ (one file for each of them), sweeps/ (with
+other constants), summary.csv, leaderboard.md and leaderboard.html.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ import argparse
 import os
 from pathlib import Path
 
-from cutenv.learning.benchmark import QUICK, Protocol
-from cutenv.learning.evaluation import workers
+from cutenv.agents.learning.benchmark import QUICK, Protocol
+from cutenv.agents.learning.evaluation import workers
 from scripts.benchmarks.leaderboard.kept_cuts import merge_cuts
 from scripts.benchmarks.leaderboard.protocol import ENTRIES, SCRIPTED, keep_protocol, kept_protocol
 from scripts.benchmarks.leaderboard.runs import Benchmark, differs

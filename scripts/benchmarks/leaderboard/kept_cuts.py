@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from cutenv._base.output import atomic_write
-from cutenv.learning.benchmark import Protocol, entry_seeds
+from cutenv.agents.learning.benchmark import Protocol, entry_seeds
 from scripts.benchmarks.leaderboard.protocol import slug
 
 Row = dict[str, str]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from cutenv.report.page import write_page
-from cutenv.report.training_result import Bar, returns_figure
+from cutenv.display.report.page import write_page
+from cutenv.display.report.training_result import Bar, returns_figure
 from scripts.benchmarks.leaderboard.protocol import SCRIPTED
 from scripts.benchmarks.leaderboard.summary import BOUND, IDLE, Table
 

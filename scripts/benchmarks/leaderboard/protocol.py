@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from cutenv._base.output import atomic_write
+from cutenv.agents.learning.benchmark import Protocol, training_kind
+from cutenv.agents.policy import NULL_POLICIES, ORACLE, SCRIPTS
 from cutenv.commands.train import training_options
-from cutenv.learning.benchmark import Protocol, training_kind
-from cutenv.policy import NULL_POLICIES, ORACLE, SCRIPTS
 
 BEST_FEED = "best constant feed"
 """Name of the constant feed that is best on validation specimens: the only one of the 28 that takes part."""

@@ -13,13 +13,13 @@ from typing import Any
 
 from cutenv._base.output import atomic_write
 from cutenv._base.validation import parameter_table
-from cutenv.cutting.drive import Rig
-from cutenv.cutting.dtypes import LawParameters
-from cutenv.cutting.sensor import SensorParameters
 from cutenv.envs.constants import Knowledge
+from cutenv.sim.cutting.drive import Rig
+from cutenv.sim.cutting.dtypes import LawParameters
+from cutenv.sim.cutting.sensor import SensorParameters
+from cutenv.sim.tissue import measured_liver
+from cutenv.sim.tissue.description import TissueDescription
 from cutenv.task.reward import Limits
-from cutenv.tissue import measured_liver
-from cutenv.tissue.description import TissueDescription
 
 
 @dataclass(frozen=True)

@@ -16,13 +16,13 @@ from pathlib import Path
 from typing import Any
 
 from cutenv._base.resources import git
+from cutenv.agents.learning.benchmark import SCRATCH, Protocol, returns_after, training_kind
+from cutenv.agents.learning.evaluation import Contestant, contestant, evaluate
+from cutenv.agents.learning.run_folder import checkpoint_of, marked
+from cutenv.agents.learning.seeds import VALIDATION_SEEDS
+from cutenv.agents.learning.statistics import best_script, read_rows, rows_of, summarise, write_csv
+from cutenv.agents.policy import BASELINES, CONSTANT_FEEDS, NULL_POLICIES, ORACLE
 from cutenv.commands.train import LEARNERS, training_options
-from cutenv.learning.benchmark import SCRATCH, Protocol, returns_after, training_kind
-from cutenv.learning.evaluation import Contestant, contestant, evaluate
-from cutenv.learning.run_folder import checkpoint_of, marked
-from cutenv.learning.seeds import VALIDATION_SEEDS
-from cutenv.learning.statistics import best_script, read_rows, rows_of, summarise, write_csv
-from cutenv.policy import BASELINES, CONSTANT_FEEDS, NULL_POLICIES, ORACLE
 from scripts.benchmarks.leaderboard.aggregate import disagreements, read_summary
 from scripts.benchmarks.leaderboard.kept_cuts import file_of, write_run
 from scripts.benchmarks.leaderboard.protocol import BEST_FEED, ENTRIES, SCRIPTED, Entry, slug

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from cutenv.learning.benchmark import (
+from cutenv.agents.learning.benchmark import (
     CUT_MARKS,
     ENTRY_KINDS,
     IQM,
@@ -16,7 +16,7 @@ from cutenv.learning.benchmark import (
     TableColumn,
     shown,
 )
-from cutenv.policy import NULL_POLICIES, ORACLE
+from cutenv.agents.policy import NULL_POLICIES, ORACLE
 from scripts.benchmarks.leaderboard.aggregate import AFTER, ALL, UNCHANGED, Line, verdict
 from scripts.benchmarks.leaderboard.protocol import ENTRIES, FEWEST_SEEDS, REFERENCE, SCRIPTED
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from cutenv.agents.learning.benchmark import Protocol
+from cutenv.agents.learning.statistics import rows_of, write_csv
 from cutenv.commands.submit import checked
-from cutenv.learning.benchmark import Protocol
-from cutenv.learning.statistics import rows_of, write_csv
 from scripts import ROOT
 from scripts.benchmarks.leaderboard.aggregate import ALL, read_summary, summary, sweep_lines
 from scripts.benchmarks.leaderboard.kept_cuts import merge_cuts, read_facts, read_runs, write_run

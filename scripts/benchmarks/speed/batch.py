@@ -13,11 +13,11 @@ from cutenv._base.arrays import StructArray
 from cutenv._engine.intrinsics import first_row
 from cutenv._engine.jit import njit_nogil
 from cutenv._engine.parallel import WorkQueue, cores, mark_done, next_chunk, parallel_for
-from cutenv.cutting.motion import STRAIGHT, Moving
-from cutenv.cutting.row import ONE, begin, lane_views, plain_views, put, take
-from cutenv.cutting.simulate import Physics, hold_some
-from cutenv.cutting.update import update_row
 from cutenv.envs.vector import GentleCutVectorEnv
+from cutenv.sim.cutting.motion import STRAIGHT, Moving
+from cutenv.sim.cutting.row import ONE, begin, lane_views, plain_views, put, take
+from cutenv.sim.cutting.simulate import Physics, hold_some
+from cutenv.sim.cutting.update import update_row
 from cutenv.task.declare import Cuts
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, commanded_speed
 from scripts.benchmarks.speed.gymnasium_vectors import ASYNC, NATIVE, SYNC, Other, step_rate
@@ -58,7 +58,7 @@ _LANE, _SCALARS = STRAIGHT.lanes(1), STRAIGHT.scalars
 def hold_in_single_file(
     passed: WorkQueue, core: int, cuts: Physics, commands: StructArray, ticks: int, felt: StructArray
 ) -> None:
-    """Advance cuts like :func:`~cutenv.cutting.simulate.hold_some`, but one after the other, in a row of one lane."""
+    """Advance cuts like :func:`~cutenv.sim.cutting.simulate.hold_some`, but one by one, in a row of one lane."""
     rows, lanes = np.zeros(1, ONE), np.zeros(1, _LANE)
     row, plain = first_row(rows), plain_views(rows, cuts.states, cuts.laws, cuts.drives)
     moving = Moving(first_row(lanes), lane_views(lanes, cuts.motions, 1, _SCALARS), cuts.motions, cuts.shared)

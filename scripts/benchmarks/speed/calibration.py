@@ -9,12 +9,12 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
-from cutenv.measurement.calibration import RESAMPLES, measure_cuts, tissue_of
-from cutenv.plant import Leg, SimulatedPlant, run, to_trace
-from cutenv.recording import load_one, save
-from cutenv.tissue import CutModel, Specimen
-from cutenv.tissue.tables import table
-from cutenv.trace import Trace
+from cutenv.records import load_one, save
+from cutenv.records.measurement.calibration import RESAMPLES, measure_cuts, tissue_of
+from cutenv.sim.plant import Leg, SimulatedPlant, run, to_trace
+from cutenv.sim.tissue import CutModel, Specimen
+from cutenv.sim.tissue.tables import table
+from cutenv.sim.trace import Trace
 from scripts.benchmarks.speed.measured import Measured, Number, at_most
 
 LIVERS = 6

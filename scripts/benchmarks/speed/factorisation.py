@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from cutenv.tissue.cut_model import CutModel
-from cutenv.tissue.mesh import ELEMENT_KINDS, CutMesh
-from cutenv.tissue.tip_response import blade_unknowns, factorise, stiffness_matrix, tip_responses
+from cutenv.sim.tissue.cut_model import CutModel
+from cutenv.sim.tissue.mesh import ELEMENT_KINDS, CutMesh
+from cutenv.sim.tissue.tip_response import blade_unknowns, factorise, stiffness_matrix, tip_responses
 from scripts.benchmarks.speed.measured import Measured, Number
 
 REQUIRED_SPEEDUP = {(8, 15): 8.0, (40, 75): 15.0}

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.tissue.cut_model import CutModel
-from cutenv.viewer.drawn_slab import Slab
+from cutenv.display.viewer.drawn_slab import Slab
+from cutenv.sim.tissue.cut_model import CutModel
 from scripts.benchmarks.speed.measured import Measured, Number, at_most
 
 MESHES = ((8, 15), (40, 75))

@@ -10,9 +10,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.plant import FreehandPlant, SteeredPlant
-from cutenv.tissue import Specimen, SteeredModel
-from cutenv.tissue.lines import straight
+from cutenv.sim.plant import FreehandPlant, SteeredPlant
+from cutenv.sim.tissue import Specimen, SteeredModel
+from cutenv.sim.tissue.lines import straight
 from scripts.benchmarks.speed.measured import Measured, Number, at_most
 
 EMPTY, THREADED = "empty", "model in a second thread"

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from cutenv._base.arrays import StructArray
 from cutenv._engine.jit import njit
 from cutenv._engine.parallel import cores
-from cutenv.cutting.dtypes import DRIVE, LAW, STATE
-from cutenv.cutting.row import LANES
-from cutenv.cutting.sensor import SENSOR
+from cutenv.sim.cutting.dtypes import DRIVE, LAW, STATE
+from cutenv.sim.cutting.row import LANES
+from cutenv.sim.cutting.sensor import SENSOR
 from cutenv.task.info import INFO
 from cutenv.task.observation import COMPONENTS
 from cutenv.task.reward import PROGRESS, TASK

@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cutenv.tissue.cut_model import CutModel
-from cutenv.tissue.mesh import ELEMENT_KINDS, CutMesh
-from cutenv.tissue.tables import table
-from cutenv.tissue.tip_response import blade_unknowns, factorise, stiffness_matrix
+from cutenv.sim.tissue.cut_model import CutModel
+from cutenv.sim.tissue.mesh import ELEMENT_KINDS, CutMesh
+from cutenv.sim.tissue.tables import table
+from cutenv.sim.tissue.tip_response import blade_unknowns, factorise, stiffness_matrix
 from scripts.benchmarks.speed.measured import Measured, Number
 
 BRICKS = "hex20"

@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from cutenv.cutting import simulate
-from cutenv.cutting.motion import STRAIGHT
-from cutenv.cutting.row import ONE, begin, plain_views, take
-from cutenv.cutting.update import update_row
-from cutenv.plant import SimulatedPlant
-from cutenv.tissue import Specimen
+from cutenv.sim.cutting import simulate
+from cutenv.sim.cutting.motion import STRAIGHT
+from cutenv.sim.cutting.row import ONE, begin, plain_views, take
+from cutenv.sim.cutting.update import update_row
+from cutenv.sim.plant import SimulatedPlant
+from cutenv.sim.tissue import Specimen
 
 _counted: Counter[str] = Counter()
 _UPDATES = 2000

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import gymnasium
 import numpy as np
 
-from cutenv.play.devices import HandMotion, ScriptedDevice
-from cutenv.play.picture import PlayPicture
-from cutenv.play.play_session import Session, SessionPlan
+from cutenv.people.play.devices import HandMotion, ScriptedDevice
+from cutenv.people.play.picture import PlayPicture
+from cutenv.people.play.play_session import Session, SessionPlan
 from scripts.benchmarks.speed.measured import Measured, Number, at_most, fastest
 
 FRAME = 1.0 / 60.0

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from cutenv.recording import load, save
-from cutenv.trace import Trace
+from cutenv.records import load, save
+from cutenv.sim.trace import Trace
 from scripts.benchmarks.speed.measured import Measured, Number, at_most, fastest
 
 TIMES_LOADTXT = 3.0

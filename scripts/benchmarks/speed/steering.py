@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from cutenv.cutting.dtypes import profile_records
-from cutenv.cutting.motion import NOTHING
-from cutenv.cutting.steering import STEERED, steering_records
-from cutenv.tissue.lines import CutLine, half_ellipse, straight
+from cutenv.sim.cutting.dtypes import profile_records
+from cutenv.sim.cutting.motion import NOTHING
+from cutenv.sim.cutting.steering import STEERED, steering_records
+from cutenv.sim.tissue.lines import CutLine, half_ellipse, straight
 from scripts.benchmarks.speed.measured import Measured
 from scripts.benchmarks.speed.vertical_motion import (
     ANGLE,

@@ -9,8 +9,8 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.plant import Plant, SimulatedPlant
-from cutenv.tissue import Specimen
+from cutenv.sim.plant import Plant, SimulatedPlant
+from cutenv.sim.tissue import Specimen
 from scripts.benchmarks.speed.measured import Measured, Number, at_most
 
 ALLOWED_NS = 20_000.0

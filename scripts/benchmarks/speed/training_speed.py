@@ -30,11 +30,11 @@ import time
 import torch
 from stable_baselines3 import PPO
 
+from cutenv.agents.learning.arguments import PPOArguments
+from cutenv.agents.learning.ppo import LEARNER
+from cutenv.agents.policy import shipped
+from cutenv.agents.sb3 import NativeVecEnv
 from cutenv.envs import set_cores
-from cutenv.learning.arguments import PPOArguments
-from cutenv.learning.ppo import LEARNER
-from cutenv.policy import shipped
-from cutenv.sb3 import NativeVecEnv
 from scripts import ROOT
 
 sys.path.append(str(ROOT / "agents"))  # the programs there are no package

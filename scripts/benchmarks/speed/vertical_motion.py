@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import StructArray
 from cutenv._engine.parallel import make_queue
-from cutenv.cutting.descent import DESCENDING, descent_records, layered_profiles, shared_record
-from cutenv.cutting.drive import Rig
-from cutenv.cutting.dtypes import law_records, new_state
-from cutenv.cutting.motion import NOTHING, STRAIGHT, Motion
-from cutenv.cutting.sensor import SensorParameters, sensor_records
-from cutenv.cutting.simulate import Physics, hold_some
-from cutenv.tissue import Layers, Specimen
-from cutenv.tissue.specimen import LENGTH, SPACING
+from cutenv.sim.cutting.descent import DESCENDING, descent_records, layered_profiles, shared_record
+from cutenv.sim.cutting.drive import Rig
+from cutenv.sim.cutting.dtypes import law_records, new_state
+from cutenv.sim.cutting.motion import NOTHING, STRAIGHT, Motion
+from cutenv.sim.cutting.sensor import SensorParameters, sensor_records
+from cutenv.sim.cutting.simulate import Physics, hold_some
+from cutenv.sim.tissue import Layers, Specimen
+from cutenv.sim.tissue.specimen import LENGTH, SPACING
 from scripts.benchmarks.speed.measured import Measured, Number
 
 COUNT, TICKS = 1024, 20

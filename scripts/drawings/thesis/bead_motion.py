@@ -14,11 +14,11 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import Normalize
 
-from cutenv.measurement import MeasuredCut, loading_segments
-from cutenv.measurement.prediction import predicted_ramps
-from cutenv.tissue import CutModel
-from cutenv.tissue.tables import table
-from cutenv.trace import Trace
+from cutenv.records.measurement import MeasuredCut, loading_segments
+from cutenv.records.measurement.prediction import predicted_ramps
+from cutenv.sim.tissue import CutModel
+from cutenv.sim.tissue.tables import table
+from cutenv.sim.trace import Trace
 from cutenv.vision.beads import track_beads
 from cutenv.vision.field_comparison import zones_as_measured
 from cutenv.vision.fluoroscopy import NTSC_RATE, CArmView

@@ -11,9 +11,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from cutenv.measurement import estimate_local_effective_moduli
-from cutenv.tissue import CutModel
-from cutenv.trace import Trace
+from cutenv.records.measurement import estimate_local_effective_moduli
+from cutenv.sim.tissue import CutModel
+from cutenv.sim.trace import Trace
 from scripts.drawings.thesis.experiments import KIND
 from scripts.drawings.thesis.style import (
     DISPLACEMENT_LABEL,

@@ -10,16 +10,16 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from cutenv._engine.randomness import generator
-from cutenv.measurement import (
+from cutenv.records.measurement import (
     ModulusEstimate,
     Segment,
     estimate_local_effective_moduli,
     filtered,
     loading_segments,
 )
-from cutenv.plant import Leg, SimulatedPlant, run, to_trace
-from cutenv.tissue import CutModel, Specimen, draw_liver
-from cutenv.trace import Trace, blade_speed
+from cutenv.sim.plant import Leg, SimulatedPlant, run, to_trace
+from cutenv.sim.tissue import CutModel, Specimen, draw_liver
+from cutenv.sim.trace import Trace, blade_speed
 from scripts.drawings.thesis.style import (
     DISPLACEMENT_LABEL,
     DISTANCE_LABEL,

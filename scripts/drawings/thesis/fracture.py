@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from cutenv.plant import SimulatedPlant
-from cutenv.tissue import measured_fracture_resistance
-from cutenv.tissue.tables import table
+from cutenv.sim.plant import SimulatedPlant
+from cutenv.sim.tissue import measured_fracture_resistance
+from cutenv.sim.tissue.tables import table
 from scripts.drawings.thesis.style import (
     DISPLACEMENT_LABEL,
     FIRST,

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from cutenv._engine.randomness import generator
-from cutenv.plant import Leg, SimulatedPlant, run, to_trace
-from cutenv.tissue import CutModel, Specimen, quasi_static_modulus
-from cutenv.tissue.tables import table
+from cutenv.sim.plant import Leg, SimulatedPlant, run, to_trace
+from cutenv.sim.tissue import CutModel, Specimen, quasi_static_modulus
+from cutenv.sim.tissue.tables import table
 from scripts.drawings.thesis.style import DISTANCE_LABEL, FORCE, LEM_LABEL, SOLID, STRAIN, STRESS, named, panels, save
 from scripts.validation.thesis.drawn_livers import measure_as_the_thesis
 from scripts.validation.thesis.elements import model

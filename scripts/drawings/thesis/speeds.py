@@ -9,10 +9,10 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 
-from cutenv.measurement import loading_segments
-from cutenv.tissue import local_effective_modulus
-from cutenv.tissue.description import CUTS_PER_LIVER
-from cutenv.tissue.effective_modulus import linear_fit, power_fit
+from cutenv.records.measurement import loading_segments
+from cutenv.sim.tissue import local_effective_modulus
+from cutenv.sim.tissue.description import CUTS_PER_LIVER
+from cutenv.sim.tissue.effective_modulus import linear_fit, power_fit
 from scripts.derivations.specimens import SIGNIFICANT_DROP
 from scripts.drawings.thesis.experiments import KIND, TRAVEL, mark_segments, name_segments
 from scripts.drawings.thesis.style import DISPLACEMENT_LABEL, FORCE, INCLINED, LEM_LABEL, UPRIGHT, named, panels, save

@@ -11,7 +11,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-TESTS = Path("tests") / "classroom"
+TESTS = Path("tests") / "people" / "classroom"
 ATTACKS = (
     (
         "readings that the law does not confirm",
@@ -228,7 +228,7 @@ ATTACKS = (
 def markdown() -> str:
     """Return the table for the documentation."""
     rows = [f"| {attack} | {outcome} | `{test.partition('::')[0]}` |" for attack, outcome, test in ATTACKS]
-    return "\n".join(("| attack | what happens | tried in `tests/classroom` |", "|---|---|---|", *rows))
+    return "\n".join(("| attack | what happens | tried in `tests/people/classroom` |", "|---|---|---|", *rows))
 
 
 def main() -> int:

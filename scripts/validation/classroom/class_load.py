@@ -31,9 +31,9 @@ from typing import Any
 import httpx2
 import numpy as np
 
-from cutenv.browser import HandCut
-from cutenv.classroom import ClassStore
-from cutenv.classroom.class_tables import BROKEN_OFF, GOING_ON, SAVED, UNFINISHED
+from cutenv.people.browser import HandCut
+from cutenv.people.classroom import ClassStore
+from cutenv.people.classroom.class_tables import BROKEN_OFF, GOING_ON, SAVED, UNFINISHED
 from scripts.tables import keep_json
 from scripts.test_programs import own_postgresql
 from scripts.validation.classroom.malformed_messages import malformed_bytes, malformed_message, send_bytes

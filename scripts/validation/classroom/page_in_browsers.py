@@ -23,18 +23,18 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from cutenv.browser import HandCut, write_page_alone
-from cutenv.browser.page_alone import OFFERED, specimen_data
-from cutenv.browser.stylus_steps import HandDepthCut, HandPathCut
-from cutenv.scoring import Truth, score
-from cutenv.scoring.cut_metrics import MAP_METRICS, METRICS
-from cutenv.scoring.points import task_points
-from cutenv.scoring.scored_cut import ScoredCut
-from cutenv.scoring.truth import TIP_AT_END
-from cutenv.scoring.validity import Unavailable
+from cutenv.people.browser import HandCut, write_page_alone
+from cutenv.people.browser.page_alone import OFFERED, specimen_data
+from cutenv.people.browser.stylus_steps import HandDepthCut, HandPathCut
+from cutenv.records.scoring import Truth, score
+from cutenv.records.scoring.cut_metrics import MAP_METRICS, METRICS
+from cutenv.records.scoring.points import task_points
+from cutenv.records.scoring.scored_cut import ScoredCut
+from cutenv.records.scoring.truth import TIP_AT_END
+from cutenv.records.scoring.validity import Unavailable
+from cutenv.sim.tissue.grid import depth_below
+from cutenv.sim.trace import Trace
 from cutenv.task.registry import TASKS, tasks_with
-from cutenv.tissue.grid import depth_below
-from cutenv.trace import Trace
 from scripts.browsers import chromium, firefox
 from scripts.tables import keep_json, markdown_table
 

@@ -24,15 +24,15 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from cutenv import cli
 from cutenv._engine.randomness import generator
-from cutenv.measurement.pooled_cuts import Variogram, cv_of, fit_variances, mean_field_variance
-from cutenv.plant import Leg, SimulatedPlant, run, to_trace
-from cutenv.recording import save
-from cutenv.tissue import Specimen, TissueDescription, draw_liver, load_description, measured_liver
-from cutenv.tissue.specimen import SPACING
-from cutenv.tissue.tables import table
-from cutenv.trace import Trace
+from cutenv.commands import cli
+from cutenv.records import save
+from cutenv.records.measurement.pooled_cuts import Variogram, cv_of, fit_variances, mean_field_variance
+from cutenv.sim.plant import Leg, SimulatedPlant, run, to_trace
+from cutenv.sim.tissue import Specimen, TissueDescription, draw_liver, load_description, measured_liver
+from cutenv.sim.tissue.specimen import SPACING
+from cutenv.sim.tissue.tables import table
+from cutenv.sim.trace import Trace
 
 INCH = 0.0254
 SPEEDS = tuple(float(v) / 100.0 for v in table("5.6")["speed_cm_s"])

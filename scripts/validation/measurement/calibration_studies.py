@@ -19,10 +19,10 @@ from tqdm import tqdm
 
 from cutenv._engine.randomness import generator
 from cutenv.envs.constants import Knowledge
-from cutenv.measurement import calibrate
-from cutenv.tissue import Specimen, TissueDescription, measured_liver
-from cutenv.tissue.specimen import N_POINTS, SPACING
-from cutenv.trace import Trace
+from cutenv.records.measurement import calibrate
+from cutenv.sim.tissue import Specimen, TissueDescription, measured_liver
+from cutenv.sim.tissue.specimen import N_POINTS, SPACING
+from cutenv.sim.trace import Trace
 from scripts.tables import markdown_table
 from scripts.validation.measurement.calibrate_virtual_rig import session, truth
 

@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from cutenv._engine.randomness import generator
-from cutenv.measurement import MeasuredCut, measure_cut
-from cutenv.measurement.prediction import predicted_ramps
-from cutenv.plant import Leg, SimulatedPlant, run, to_trace
-from cutenv.tissue import CutModel, Specimen
-from cutenv.tissue.tables import table
+from cutenv.records.measurement import MeasuredCut, measure_cut
+from cutenv.records.measurement.prediction import predicted_ramps
+from cutenv.sim.plant import Leg, SimulatedPlant, run, to_trace
+from cutenv.sim.tissue import CutModel, Specimen
+from cutenv.sim.tissue.tables import table
 from cutenv.vision.field_comparison import (
     MeanModulus,
     ZoneModuli,

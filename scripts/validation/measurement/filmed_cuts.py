@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.plant import Leg, SimulatedPlant, run, to_trace
-from cutenv.tissue import CutModel, Specimen
-from cutenv.tissue.grid import LENGTH, N_POINTS
-from cutenv.tissue.slab import zoned_model
-from cutenv.trace import Trace
+from cutenv.sim.plant import Leg, SimulatedPlant, run, to_trace
+from cutenv.sim.tissue import CutModel, Specimen
+from cutenv.sim.tissue.grid import LENGTH, N_POINTS
+from cutenv.sim.tissue.slab import zoned_model
+from cutenv.sim.trace import Trace
 from cutenv.vision import BeadTracks
 
 Array = NDArray[np.float64]

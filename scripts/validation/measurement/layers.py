@@ -18,11 +18,11 @@ from typing import Any
 
 import numpy as np
 
-from cutenv.measurement.depth_sections import DepthSection, depth_sections, opened_resistance
-from cutenv.measurement.measured_cut import find_layers
-from cutenv.tissue import CutModel, Layers, Specimen
-from cutenv.tissue.grid import SPACING
-from cutenv.trace import Trace
+from cutenv.records.measurement.depth_sections import DepthSection, depth_sections, opened_resistance
+from cutenv.records.measurement.measured_cut import find_layers
+from cutenv.sim.tissue import CutModel, Layers, Specimen
+from cutenv.sim.tissue.grid import SPACING
+from cutenv.sim.trace import Trace
 from scripts.tables import kept_json, markdown_table
 from scripts.validation.measurement.stepped_cuts import DEPTHS, stepped_cut
 

@@ -35,10 +35,10 @@ from tqdm import tqdm
 
 from cutenv._base.output import atomic_write
 from cutenv.commands import depth, field
-from cutenv.plant import Leg, SimulatedPlant, run, to_trace
-from cutenv.recording import read_record, save
-from cutenv.tissue import CutModel, Specimen, quasi_static_modulus
-from cutenv.tissue.grid import LENGTH, N_POINTS
+from cutenv.records import read_record, save
+from cutenv.sim.plant import Leg, SimulatedPlant, run, to_trace
+from cutenv.sim.tissue import CutModel, Specimen, quasi_static_modulus
+from cutenv.sim.tissue.grid import LENGTH, N_POINTS
 from cutenv.vision.beads import track_beads
 from cutenv.vision.film_source import video_frames
 from scripts.validation.vision.carm_measurement import BEAD_PX, Array, calibrated, swept

@@ -24,12 +24,12 @@ from tqdm import tqdm
 
 from cutenv._engine.randomness import generator
 from cutenv.envs.constants import Knowledge
-from cutenv.measurement import InitiationEstimate, MeasuredCut, initiation_excess, measure_cut
-from cutenv.plant import Leg, SimulatedPlant, run, to_trace
-from cutenv.tissue import CutModel, Specimen, measured_liver
-from cutenv.tissue.specimen import N_POINTS, SPACING
-from cutenv.tissue.tables import table
-from cutenv.trace import Trace
+from cutenv.records.measurement import InitiationEstimate, MeasuredCut, initiation_excess, measure_cut
+from cutenv.sim.plant import Leg, SimulatedPlant, run, to_trace
+from cutenv.sim.tissue import CutModel, Specimen, measured_liver
+from cutenv.sim.tissue.specimen import N_POINTS, SPACING
+from cutenv.sim.tissue.tables import table
+from cutenv.sim.trace import Trace
 
 Array = NDArray[np.float64]
 

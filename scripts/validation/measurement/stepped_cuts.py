@@ -17,13 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from cutenv.cutting.sensor import SensorParameters
-from cutenv.plant import DescendingPlant
-from cutenv.plant.protocol import to_trace
-from cutenv.recording import save
-from cutenv.tissue import Layers, Specimen
-from cutenv.tissue.grid import depth_below
-from cutenv.trace import Trace
+from cutenv.records import save
+from cutenv.sim.cutting.sensor import SensorParameters
+from cutenv.sim.plant import DescendingPlant
+from cutenv.sim.plant.protocol import to_trace
+from cutenv.sim.tissue import Layers, Specimen
+from cutenv.sim.tissue.grid import depth_below
+from cutenv.sim.trace import Trace
 
 STEP, BACK = 0.026, 0.013
 """Length of the cut at one depth, and of the way back from it [m]."""

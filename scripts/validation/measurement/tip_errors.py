@@ -17,13 +17,13 @@ from typing import NamedTuple
 import numpy as np
 from tqdm import tqdm
 
+from cutenv.agents.learning.demonstration import recorded
+from cutenv.agents.learning.seeds import TEST_SEEDS
+from cutenv.agents.policy import BASELINES, Policy
 from cutenv.envs.gentle_cut import GentleCutEnv
-from cutenv.learning.demonstration import recorded
-from cutenv.learning.seeds import TEST_SEEDS
-from cutenv.plant import to_trace
-from cutenv.policy import BASELINES, Policy
-from cutenv.scoring.scored_cut import ScoredCut
-from cutenv.trace import Trace
+from cutenv.records.scoring.scored_cut import ScoredCut
+from cutenv.sim.plant import to_trace
+from cutenv.sim.trace import Trace
 
 POLICIES = {
     "constant feed": "constant 1.65 cm/s 45 deg",

@@ -19,11 +19,11 @@ from typing import Any
 import numpy as np
 
 from cutenv.envs.constants import Knowledge
-from cutenv.measurement import estimate_fracture_resistance, fit_wear
-from cutenv.measurement.wear import without_friction
-from cutenv.plant import Leg, SimulatedPlant, run, to_trace
-from cutenv.tissue import Specimen
-from cutenv.tissue.specimen import BladeWear
+from cutenv.records.measurement import estimate_fracture_resistance, fit_wear
+from cutenv.records.measurement.wear import without_friction
+from cutenv.sim.plant import Leg, SimulatedPlant, run, to_trace
+from cutenv.sim.tissue import Specimen
+from cutenv.sim.tissue.specimen import BladeWear
 from scripts.tables import keep_json
 
 DEFAULT = Path("runs") / "wear.json"

@@ -1,6 +1,6 @@
 """Motions that no drive makes: a blade that jitters, leaps, flips or pumps, to test the energy account.
 
-Not a program: ``scripts/validation/physics/straight.py`` and ``tests/properties/test_energy.py`` move a blade along
+Not a program: ``scripts/validation/physics/straight.py`` and ``tests/sim/properties/test_energy.py`` move a blade along
 them.
 """
 
@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from cutenv.tissue.grid import LENGTH
+from cutenv.sim.tissue.grid import LENGTH
 
 TICKS = 3000
 UPRIGHT, INCLINED = math.radians(90.0), math.radians(45.0)

@@ -17,11 +17,11 @@ import numpy as np
 import wasmtime
 from tqdm import tqdm
 
-from cutenv.browser.page_alone import law_of, shared_part
-from cutenv.browser.stylus_steps import HandCut, HandDepthCut, HandPathCut
-from cutenv.cutting.dtypes import READING
+from cutenv.people.browser.page_alone import law_of, shared_part
+from cutenv.people.browser.stylus_steps import HandCut, HandDepthCut, HandPathCut
+from cutenv.sim.cutting.dtypes import READING
+from cutenv.sim.tissue.grid import depth_below
 from cutenv.task.registry import TASKS, tasks_with
-from cutenv.tissue.grid import depth_below
 
 CLASSES = ("uniform", "liver", "vascular", "mixed")
 MILLISECONDS = 12_000

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from cutenv.learning.statistics import summarise
+from cutenv.agents.learning.statistics import summarise
 from scripts import ROOT
 from scripts.benchmarks.agents import task_table
 from scripts.tables import kept_rows, markdown_table

@@ -15,14 +15,14 @@ from typing import Any
 
 import numpy as np
 
-from cutenv.tissue import CutModel, PathModel, Specimen, SteeredModel
-from cutenv.tissue.drawn_lines import KINDS, LEAST_LENGTH, STORED, along_line, first_of_pair, given_line
-from cutenv.tissue.elasticity import lame_parameters
-from cutenv.tissue.grid import N_POINTS, SPACING
-from cutenv.tissue.lines import CutLine, arc, half_ellipse, length_within, random_line, s_shape, straight
-from cutenv.tissue.path_model import straight_stiffness
-from cutenv.tissue.place_model import stiffness_off_line
-from cutenv.tissue.split_mesh import SplitMesh, SplitStiffness
+from cutenv.sim.tissue import CutModel, PathModel, Specimen, SteeredModel
+from cutenv.sim.tissue.drawn_lines import KINDS, LEAST_LENGTH, STORED, along_line, first_of_pair, given_line
+from cutenv.sim.tissue.elasticity import lame_parameters
+from cutenv.sim.tissue.grid import N_POINTS, SPACING
+from cutenv.sim.tissue.lines import CutLine, arc, half_ellipse, length_within, random_line, s_shape, straight
+from cutenv.sim.tissue.path_model import straight_stiffness
+from cutenv.sim.tissue.place_model import stiffness_off_line
+from cutenv.sim.tissue.split_mesh import SplitMesh, SplitStiffness
 from scripts.validation.physics.curves.calculix import compliance
 from scripts.validation.physics.promises import Row
 

@@ -20,12 +20,12 @@ from typing import Any
 
 import numpy as np
 
-from cutenv.cutting.descent import DescentParameters
-from cutenv.cutting.dtypes import TICK
-from cutenv.plant import DescendingPlant
-from cutenv.tissue import Layers, Specimen, measured_liver
-from cutenv.tissue.layers import LAYER_REACH
-from cutenv.tissue.specimen import SPACING
+from cutenv.sim.cutting.descent import DescentParameters
+from cutenv.sim.cutting.dtypes import TICK
+from cutenv.sim.plant import DescendingPlant
+from cutenv.sim.tissue import Layers, Specimen, measured_liver
+from cutenv.sim.tissue.layers import LAYER_REACH
+from cutenv.sim.tissue.specimen import SPACING
 from scripts.derivations.layers import SlabsOfBricks, size_of, slab_name
 from scripts.tables import markdown_table
 from scripts.validation.physics import promises

@@ -17,9 +17,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cutenv.agents.learning.seeds import TEST_SEEDS
 from cutenv.envs.free_cut import FreeCutEnv
 from cutenv.envs.path_cut import PathCutEnv
-from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.task.registry import TASKS
 from scripts.tables import markdown_table
 

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cutenv.cutting.dtypes import READING
-from cutenv.plant import DescendingPlant, SimulatedPlant, SteeredPlant
-from cutenv.tissue import Specimen
+from cutenv.sim.cutting.dtypes import READING
+from cutenv.sim.plant import DescendingPlant, SimulatedPlant, SteeredPlant
+from cutenv.sim.tissue import Specimen
 from scripts.tables import markdown_table
 
 SEED, OTHER_SEEDS = 1, 1000  # of the livers and those with vessels; the first of the others

@@ -20,13 +20,13 @@ from typing import Any
 
 import numpy as np
 
-from cutenv.cutting.dtypes import TICK
-from cutenv.cutting.steering import SteeringParameters
-from cutenv.plant import SteeredPlant
-from cutenv.tissue import CutModel, Specimen
-from cutenv.tissue.grid import SPACING
-from cutenv.tissue.lines import CutLine, arc, half_ellipse, random_line, s_shape, straight
-from cutenv.tissue.path_model import PathModel
+from cutenv.sim.cutting.dtypes import TICK
+from cutenv.sim.cutting.steering import SteeringParameters
+from cutenv.sim.plant import SteeredPlant
+from cutenv.sim.tissue import CutModel, Specimen
+from cutenv.sim.tissue.grid import SPACING
+from cutenv.sim.tissue.lines import CutLine, arc, half_ellipse, random_line, s_shape, straight
+from cutenv.sim.tissue.path_model import PathModel
 from scripts.validation.physics import crack_truth, promises
 from scripts.validation.physics.adversarial_motions import FEED, MOTIONS, TICKS, UPRIGHT
 from scripts.validation.physics.promises import Led, Row, account_rows, differing, run, share_row

@@ -24,13 +24,13 @@ from numpy.typing import NDArray
 
 from cutenv._engine.jit import njit
 from cutenv._engine.randomness import generator
-from cutenv.cutting.dtypes import READING, TICK
-from cutenv.cutting.motion import STRAIGHT
-from cutenv.cutting.simulate import account_one, follow
-from cutenv.plant import SimulatedPlant
-from cutenv.tissue import CutModel, Specimen, measured_liver
-from cutenv.tissue.slab import ROWS, row_means
-from cutenv.tissue.specimen import N_POINTS, SPACING
+from cutenv.sim.cutting.dtypes import READING, TICK
+from cutenv.sim.cutting.motion import STRAIGHT
+from cutenv.sim.cutting.simulate import account_one, follow
+from cutenv.sim.plant import SimulatedPlant
+from cutenv.sim.tissue import CutModel, Specimen, measured_liver
+from cutenv.sim.tissue.slab import ROWS, row_means
+from cutenv.sim.tissue.specimen import N_POINTS, SPACING
 from scripts.benchmarks.speed.batch import MANY, RESETS_IN_STEPS, rates
 from scripts.validation.measurement import recovery
 from scripts.validation.physics.adversarial_motions import INCLINED, MOTIONS, UPRIGHT

@@ -22,9 +22,9 @@ import numpy as np
 from scipy.stats import norm, spearmanr
 
 from cutenv._base.arrays import Array
-from cutenv.scoring import ReferenceSet, score
-from cutenv.scoring.cut_metrics import FORCE_WEIGHTS, METRICS
-from cutenv.trace import Trace
+from cutenv.records.scoring import ReferenceSet, score
+from cutenv.records.scoring.cut_metrics import FORCE_WEIGHTS, METRICS
+from cutenv.sim.trace import Trace
 from scripts.tables import markdown_table
 from scripts.validation.records.real_records import CUT_SAMPLES, DATA, by_trial, read_cuts
 

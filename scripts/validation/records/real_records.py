@@ -22,10 +22,10 @@ from pathlib import Path
 
 import numpy as np
 
-from cutenv.measurement import Segment, loading_segments
-from cutenv.measurement.segments import STRAIGHT_RAMP
-from cutenv.recording import ColumnMap, load_foreign
-from cutenv.trace import Trace
+from cutenv.records import ColumnMap, load_foreign
+from cutenv.records.measurement import Segment, loading_segments
+from cutenv.records.measurement.segments import STRAIGHT_RAMP
+from cutenv.sim.trace import Trace
 from scripts import ROOT
 
 DATA = ROOT.parent / "shared" / "data" / "scalpel_excision_forces.csv"

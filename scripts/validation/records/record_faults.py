@@ -18,12 +18,12 @@ from pathlib import Path
 import numpy as np
 
 from cutenv._engine.randomness import generator
-from cutenv.cutting.sensor import SensorParameters
-from cutenv.measurement.signal_faults import MAINS, Readings
-from cutenv.plant.protocol import Leg, run
-from cutenv.plant.simulator import SimulatedPlant
-from cutenv.scoring.record_check import record_faults
-from cutenv.tissue.specimen import Specimen
+from cutenv.records.measurement.signal_faults import MAINS, Readings
+from cutenv.records.scoring.record_check import record_faults
+from cutenv.sim.cutting.sensor import SensorParameters
+from cutenv.sim.plant.protocol import Leg, run
+from cutenv.sim.plant.simulator import SimulatedPlant
+from cutenv.sim.tissue.specimen import Specimen
 
 EACH, CLEAN = 50, 500
 """Records of each fault, and clean ones."""

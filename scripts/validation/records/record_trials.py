@@ -31,9 +31,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cutenv._engine.parallel import cores
-from cutenv.measurement import quality_issues
-from cutenv.recording import ColumnMap, RecordError, load, load_foreign, save
-from cutenv.trace import Trace
+from cutenv.records import ColumnMap, RecordError, load, load_foreign, save
+from cutenv.records.measurement import quality_issues
+from cutenv.sim.trace import Trace
 from scripts.validation.records.virtual_records import DIALECTS, FLAWS, one_cut, valid_record
 
 CLEAR = ("refused", "loaded as it was", "loaded otherwise")

@@ -18,10 +18,10 @@ from pathlib import Path
 
 import numpy as np
 
-from cutenv.report.study_page import table_lines
-from cutenv.scoring import METRICS, score
-from cutenv.scoring.study import StudiedCut, Study
-from cutenv.trace import Trace
+from cutenv.display.report.study_page import table_lines
+from cutenv.records.scoring import METRICS, score
+from cutenv.records.scoring.study import StudiedCut, Study
+from cutenv.sim.trace import Trace
 from scripts.validation.records.real_records import CUT_SAMPLES, DATA, LICENCE, SOURCE, read_cuts
 
 
@@ -68,7 +68,7 @@ def main() -> int:
     print()
     print("\n".join(table_lines(study)))
     if arguments.out is not None:
-        from cutenv.report.study_page import write_study
+        from cutenv.display.report.study_page import write_study
 
         arguments.out.mkdir(parents=True, exist_ok=True)
         page = arguments.out / "real_study.html"

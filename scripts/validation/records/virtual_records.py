@@ -11,15 +11,15 @@ import numpy as np
 
 from cutenv._base.arrays import StructArray
 from cutenv._engine.randomness import generator
-from cutenv.cutting.drive import Hand
-from cutenv.cutting.sensor import SensorParameters
-from cutenv.plant.protocol import Leg, run
-from cutenv.plant.simulator import SimulatedPlant
-from cutenv.recording.column_map import ColumnMap
-from cutenv.recording.schema import UNITS
-from cutenv.tissue.grid import depth_below
-from cutenv.tissue.specimen import Specimen
-from cutenv.trace import Trace
+from cutenv.records.foreign.column_map import ColumnMap
+from cutenv.records.schema import UNITS
+from cutenv.sim.cutting.drive import Hand
+from cutenv.sim.cutting.sensor import SensorParameters
+from cutenv.sim.plant.protocol import Leg, run
+from cutenv.sim.plant.simulator import SimulatedPlant
+from cutenv.sim.tissue.grid import depth_below
+from cutenv.sim.tissue.specimen import Specimen
+from cutenv.sim.trace import Trace
 
 Flawed = tuple[Trace, tuple[int, int]]
 """Trace with a flaw, and the first and the last row that have it."""
@@ -232,5 +232,5 @@ FLAWS: dict[str, Callable[[Trace, np.random.Generator], Flawed]] = {
     "clock": clock,
     "speed": lambda trace, rng: _throughout(replace(trace, speed=float(rng.choice([0.5, 2.0, -1.0])) * trace.speed)),
 }
-"""By kind of flaw (:func:`cutenv.measurement.quality_issues`): a sensor mounted the other way round, an unplugged
-cable, a program that was stopped, a speed that was commanded to another rig, and those above."""
+"""By kind of flaw (:func:`cutenv.records.measurement.quality_issues`): a sensor mounted the other way round, an
+unplugged cable, a program that was stopped, a speed that was commanded to another rig, and those above."""

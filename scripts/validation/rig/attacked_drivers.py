@@ -14,8 +14,8 @@ from typing import Any
 from cutenv.rig.devices.canopen.axis import CanopenAxis
 from cutenv.rig.devices.canopen.network import DRIVE_PATIENCE, CanNetwork
 from cutenv.rig.devices.driver_registry import Mounting, rig_driver
-from cutenv.rig.devices.drivers import ForceListener, ForceSample, MotionSample
 from cutenv.rig.devices.netft_sensor import NetftSensor
+from cutenv.rig.devices.protocols import ForceListener, ForceSample, MotionSample
 
 ORDERS = "CUTENV_ATTACK"
 """Variable with the name of the file of :class:`Orders`."""

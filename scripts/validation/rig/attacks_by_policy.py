@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from cutenv.envs.rig_cut import RigCutEnv
-from cutenv.recording import load_one
-from cutenv.recording.schema import RecordError
+from cutenv.records import load_one
+from cutenv.records.schema import RecordError
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.stop_causes import RigStopped
 from scripts.validation.rig.attack_scene import Found, Scene

@@ -10,8 +10,8 @@ import threading
 import time
 from typing import Any, NamedTuple
 
-from cutenv.imitated.emulator.control import EmulatorControl
 from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.imitated.emulator.control import EmulatorControl
 from cutenv.rig.operation.preflight import SETTLE, return_inside
 from cutenv.rig.safety.stop_causes import Cause, RigStopped, StopReport, detection_times
 from scripts.validation.rig.cutting_rig import PERIOD, SPEED, UPRIGHT, WATCHED, CuttingRig
@@ -35,7 +35,7 @@ class CrossFault(NamedTuple):
     Attributes
     ----------
     emulated : str
-        Name among :data:`cutenv.imitated.emulator.emulated_bench.FAULTS`.
+        Name among :data:`cutenv.rig.imitated.emulator.emulated_bench.FAULTS`.
     given : dict
         Its parameters.
     forward : bool

@@ -6,16 +6,16 @@ import math
 from typing import Any
 
 from cutenv.envs.rig_source import EmulatedSpecimens
-from cutenv.imitated.emulator.control import EmulatorControl
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.host import SystemClock
 from cutenv.rig.errors import RigError
 from cutenv.rig.hardware import rig_plant
+from cutenv.rig.imitated.emulator.control import EmulatorControl
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.preflight import SETTLE, return_inside
 from cutenv.rig.operation.session import RigSession, SpecimenKey
 from cutenv.rig.safety.stop_causes import RigStopped, StopReport
-from cutenv.tissue.specimen import Specimen
+from cutenv.sim.tissue.specimen import Specimen
 
 SPEED = 0.015
 """Speed of the cuts [m/s]."""

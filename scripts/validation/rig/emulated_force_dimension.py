@@ -4,9 +4,10 @@
         compile the stand-in below FOLDER, which is then FDSDK
     python -m scripts.validation.rig.emulated_force_dimension --port 10002  be the device; prints its port
 
-The stand-in has the functions that forcedimension_core looks for. Those that :mod:`cutenv.play.force_dimension` calls
-exchange a force and a position with the device by UDP on this machine (``DHD_PORT``); the others fail. It is written
-after the SDK's public reference; nothing of the SDK is in it. Compiled by ziglang, which is among the tools of ``dev``.
+The stand-in has the functions that forcedimension_core looks for. Those that :mod:`cutenv.people.play.force_dimension`
+calls exchange a force and a position with the device by UDP on this machine (``DHD_PORT``); the others fail. It is
+written after the SDK's public reference; nothing of the SDK is in it. Compiled by ziglang, which is among the tools of
+``dev``.
 """
 
 from __future__ import annotations
@@ -23,8 +24,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from cutenv.play.devices import simple_hand
-from cutenv.play.inverse3_emulator import EmulatedHandle
+from cutenv.people.play.devices import simple_hand
+from cutenv.people.play.inverse3_emulator import EmulatedHandle
 
 _SOURCE = r"""
 #include <arpa/inet.h>

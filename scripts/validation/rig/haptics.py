@@ -24,11 +24,11 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from cutenv.cutting.dtypes import TICK
-from cutenv.play.haptics import FeltForce, Stylus, VirtualCoupling
-from cutenv.play.inverse3 import INVERSE3_COUPLING
-from cutenv.play.inverse3_emulator import EmulatedHandle
-from cutenv.play.played_cut import PlayedCut
+from cutenv.people.play.haptics import FeltForce, Stylus, VirtualCoupling
+from cutenv.people.play.inverse3 import INVERSE3_COUPLING
+from cutenv.people.play.inverse3_emulator import EmulatedHandle
+from cutenv.people.play.played_cut import PlayedCut
+from cutenv.sim.cutting.dtypes import TICK
 
 _SUBSTEPS = 4
 _STIFFEST = 1e5  # [N/m]

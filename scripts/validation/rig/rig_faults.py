@@ -35,9 +35,9 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from cutenv.imitated.emulator.process import RunningEmulator, start
 from cutenv.rig.config.settings import EMULATOR
 from cutenv.rig.errors import RigError
+from cutenv.rig.imitated.emulator.process import RunningEmulator, start
 from scripts.tables import keep_json
 from scripts.validation.rig.busy_host import TooBusy, look
 from scripts.validation.rig.cross_trials import CrossingRig, cross_trial

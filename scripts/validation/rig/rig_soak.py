@@ -23,11 +23,11 @@ from typing import Any
 
 import numpy as np
 
+from cutenv.agents.policy import Policy
 from cutenv.commands.rig.run import chosen_policy, rehearse
 from cutenv.envs.rig_cut import RigCutEnv
-from cutenv.policy import Policy
 from cutenv.rig.devices.camera import RigCamera
-from cutenv.rig.devices.drivers import ForceSample, MotionSample
+from cutenv.rig.devices.protocols import ForceSample, MotionSample
 from cutenv.rig.errors import RigError
 from cutenv.rig.plant import RigPlant
 from scripts.tables import keep_json

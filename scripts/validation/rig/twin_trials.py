@@ -16,11 +16,11 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
+from cutenv.agents.policy import BASELINES
+from cutenv.agents.sim_to_real import Agreement, ComparedCut
+from cutenv.agents.sim_to_real.paired_experiment import cut_once, cut_twins, simulate_cuts
 from cutenv.envs.gentle_cut import GentleCutEnv
-from cutenv.policy import BASELINES
-from cutenv.sim_to_real import Agreement, ComparedCut
-from cutenv.sim_to_real.paired_experiment import cut_once, cut_twins, simulate_cuts
-from cutenv.tissue.specimen import Specimen
+from cutenv.sim.tissue.specimen import Specimen
 from scripts.tables import markdown_table
 
 POLICY = "constant 1.27 cm/s 90 deg"

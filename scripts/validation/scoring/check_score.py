@@ -34,26 +34,26 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.stats import spearmanr
 
+from cutenv.agents.learning.evaluation import batched_rollout, contestant
+from cutenv.agents.learning.seeds import TEST_SEEDS
+from cutenv.agents.policy import NULL_POLICIES, ORACLE, SCRIPTS
+from cutenv.agents.policy.depth_policies import FollowDepth
+from cutenv.agents.policy.interface import PrivilegedPolicy
 from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.envs.path_cut import PathCutEnv
-from cutenv.learning.evaluation import batched_rollout, contestant
-from cutenv.learning.seeds import TEST_SEEDS
-from cutenv.measurement.depth import LAYER_DEPTH_KEY
-from cutenv.plant.protocol import recorded_trace, to_trace
-from cutenv.policy import NULL_POLICIES, ORACLE, SCRIPTS
-from cutenv.policy.depth_policies import FollowDepth
-from cutenv.policy.interface import PrivilegedPolicy
-from cutenv.scoring import score
-from cutenv.scoring.cut_map import LINE_KEY
-from cutenv.scoring.doubts import DOUBT
-from cutenv.scoring.scored_cut import ScoredCut
-from cutenv.scoring.truth import ASIDE_AT_END, FLOOR_AT_END, TIP_AT_END
-from cutenv.scoring.validity import QUICKNESS, Unavailable
+from cutenv.records.measurement.depth import LAYER_DEPTH_KEY
+from cutenv.records.scoring import score
+from cutenv.records.scoring.cut_map import LINE_KEY
+from cutenv.records.scoring.doubts import DOUBT
+from cutenv.records.scoring.scored_cut import ScoredCut
+from cutenv.records.scoring.truth import ASIDE_AT_END, FLOOR_AT_END, TIP_AT_END
+from cutenv.records.scoring.validity import QUICKNESS, Unavailable
+from cutenv.sim.plant.protocol import recorded_trace, to_trace
+from cutenv.sim.tissue.lines import places_within
+from cutenv.sim.trace import Trace
 from cutenv.task.depth import DEPTH_COMPONENTS
 from cutenv.task.observation import COMPONENTS
 from cutenv.task.registry import TASKS
-from cutenv.tissue.lines import places_within
-from cutenv.trace import Trace
 from scripts import ROOT
 from scripts.tables import keep, kept_rows, markdown_table
 from scripts.validation.scoring.simulated_hands import DRIVEN, SKILLS, SimulatedHand

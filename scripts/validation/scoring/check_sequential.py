@@ -27,9 +27,17 @@ from scipy.stats import t as student
 
 from cutenv._base.arrays import Array
 from cutenv._base.output import progress_bar
+from cutenv.agents.policy import SCRIPTS
+from cutenv.agents.sim_to_real.paired_experiment import DRAWS, cut_again, simulator_like
+from cutenv.agents.sim_to_real.sequential_experiment import (
+    OpenedPolicy,
+    RigComparison,
+    forecast,
+    opening_of,
+    specimens_like,
+)
 from cutenv.envs.rig_cut import RigCutEnv
-from cutenv.policy import SCRIPTS
-from cutenv.scoring.study.sequential import (
+from cutenv.records.scoring.study.sequential import (
     DECISIONS,
     SequentialQuestion,
     corrected,
@@ -38,9 +46,7 @@ from cutenv.scoring.study.sequential import (
     sequential_decisions,
     stops,
 )
-from cutenv.sim_to_real.paired_experiment import DRAWS, cut_again, simulator_like
-from cutenv.sim_to_real.sequential_experiment import OpenedPolicy, RigComparison, forecast, opening_of, specimens_like
-from cutenv.tissue.specimen import Specimen
+from cutenv.sim.tissue.specimen import Specimen
 from scripts.tables import keep, keep_json, markdown_table
 
 SPREAD = 0.2

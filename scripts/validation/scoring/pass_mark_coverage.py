@@ -16,8 +16,8 @@ import numpy as np
 from scipy.stats import norm
 from tqdm import tqdm
 
-from cutenv.scoring.study import Estimate, pass_mark, rater_correlation
-from cutenv.scoring.study.pass_mark import METHODS, NormalCurve, crossing
+from cutenv.records.scoring.study import Estimate, pass_mark, rater_correlation
+from cutenv.records.scoring.study.pass_mark import METHODS, NormalCurve, crossing
 from scripts.tables import markdown_table
 
 PEOPLE = (5, 6, 8, 10, 15, 20, 30, 60)

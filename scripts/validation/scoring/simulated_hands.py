@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from cutenv._base.arrays import Array, Array32, Indices
-from cutenv.play.hand_model import PLAYED_HAND
-from cutenv.policy.interface import DISTANCE_COLUMN, POSITION_COLUMN, ArrayPolicy, in_si, to_actions
-from cutenv.policy.tip_estimate import TipEstimate
-from cutenv.scoring.points import DEADLINE
+from cutenv.agents.policy.interface import DISTANCE_COLUMN, POSITION_COLUMN, ArrayPolicy, in_si, to_actions
+from cutenv.agents.policy.tip_estimate import TipEstimate
+from cutenv.people.play.hand_model import PLAYED_HAND
+from cutenv.records.scoring.points import DEADLINE
 
 _EVERY = 0.02  # [s] between decisions
 DRIVEN: Mapping[str, Any] = {

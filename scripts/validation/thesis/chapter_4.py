@@ -9,8 +9,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from cutenv.tissue import CutModel
-from cutenv.tissue.tables import ThesisTable, table
+from cutenv.sim.tissue import CutModel
+from cutenv.sim.tissue.tables import ThesisTable, table
 from scripts.validation.thesis.constitutive import constitutive_matrix
 from scripts.validation.thesis.elements import DIVISIONS, model
 from scripts.validation.thesis.models import EXPERIMENTS, FORMULATIONS, FROM_4_CM, PIECE_LENGTH, four_node_rows, places

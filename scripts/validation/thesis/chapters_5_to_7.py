@@ -9,9 +9,9 @@ import itertools
 
 import numpy as np
 
-from cutenv.tissue import measured_fracture_resistance, tables
-from cutenv.tissue.effective_modulus import linear_fit, power_fit
-from cutenv.tissue.tables import table
+from cutenv.sim.tissue import measured_fracture_resistance, tables
+from cutenv.sim.tissue.effective_modulus import linear_fit, power_fit
+from cutenv.sim.tissue.tables import table
 from scripts.validation.thesis.elements import model
 from scripts.validation.thesis.models import FORMULATIONS, MEAN_OVER
 from scripts.validation.thesis.moduli import EQUATIONS, equation_rows, fit_rows

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cutenv.tissue.elasticity import lame_parameters
+from cutenv.sim.tissue.elasticity import lame_parameters
 
 
 def constitutive_matrix(formulation: str, poisson: float) -> np.ndarray:

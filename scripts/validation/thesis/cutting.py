@@ -10,10 +10,10 @@ from scipy import stats
 from tqdm import tqdm
 
 from cutenv._engine.randomness import generator
-from cutenv.cutting.drive import Hand, Rig
-from cutenv.measurement import loading_segments
-from cutenv.plant import SimulatedPlant
-from cutenv.tissue import Specimen
+from cutenv.records.measurement import loading_segments
+from cutenv.sim.cutting.drive import Hand, Rig
+from cutenv.sim.plant import SimulatedPlant
+from cutenv.sim.tissue import Specimen
 from scripts.validation.thesis import drawn_livers
 from scripts.validation.thesis.measuring import LIVERS, watched
 from scripts.validation.thesis.rows import Found, Row, at_most, check, holds, near

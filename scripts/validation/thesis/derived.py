@@ -8,8 +8,8 @@ import math
 import numpy as np
 
 from cutenv._base import resources
-from cutenv.tissue import measured_liver
-from cutenv.tissue.tables import table
+from cutenv.sim.tissue import measured_liver
+from cutenv.sim.tissue.tables import table
 from scripts.derivations import eta90 as derive_eta90
 from scripts.validation.thesis.rows import Found, check, holds, near
 

@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from cutenv._engine.randomness import generator
-from cutenv.measurement import ModulusEstimate, estimate_fracture_resistance, estimate_local_effective_moduli
-from cutenv.measurement.segments import SMALLEST_DROP
-from cutenv.plant import Leg, SimulatedPlant, run, to_trace
-from cutenv.tissue import CutModel, Specimen, draw_liver, measured_liver
-from cutenv.tissue.description import CUTS_PER_LIVER
-from cutenv.tissue.tables import table
-from cutenv.trace import Trace
+from cutenv.records.measurement import ModulusEstimate, estimate_fracture_resistance, estimate_local_effective_moduli
+from cutenv.records.measurement.segments import SMALLEST_DROP
+from cutenv.sim.plant import Leg, SimulatedPlant, run, to_trace
+from cutenv.sim.tissue import CutModel, Specimen, draw_liver, measured_liver
+from cutenv.sim.tissue.description import CUTS_PER_LIVER
+from cutenv.sim.tissue.tables import table
+from cutenv.sim.trace import Trace
 from scripts.derivations.specimens import FEWEST_SEGMENTS, SIGNIFICANT_DROP, TRAVEL
 
 SPEEDS_CM_S = tuple(float(v) for v in table("5.6")["speed_cm_s"])

@@ -8,9 +8,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.measurement.segments import SMALLEST_DROP
-from cutenv.tissue.description import CUTS_PER_LIVER
-from cutenv.tissue.tables import table
+from cutenv.records.measurement.segments import SMALLEST_DROP
+from cutenv.sim.tissue.description import CUTS_PER_LIVER
+from cutenv.sim.tissue.tables import table
 from scripts.derivations.specimens import CUTS_OF_TABLE_6_1, SIGNIFICANT_DROP
 from scripts.validation.thesis import drawn_livers
 from scripts.validation.thesis.drawn_livers import QUICK_SPEEDS_CM_S, DrawnCut, speeds

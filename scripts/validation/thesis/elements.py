@@ -14,11 +14,11 @@ from scipy.sparse.linalg import spsolve
 from skfem import Basis, ElementVector, Functional, LinearForm
 from skfem.helpers import ddot, dot, sym_grad, trace
 
-from cutenv.tissue import CutModel
-from cutenv.tissue.elasticity import lame_parameters
-from cutenv.tissue.mesh import ELEMENT_KINDS, CutMesh
-from cutenv.tissue.tables import table
-from cutenv.tissue.tip_response import stiffness_matrix
+from cutenv.sim.tissue import CutModel
+from cutenv.sim.tissue.elasticity import lame_parameters
+from cutenv.sim.tissue.mesh import ELEMENT_KINDS, CutMesh
+from cutenv.sim.tissue.tables import table
+from cutenv.sim.tissue.tip_response import stiffness_matrix
 from scripts.validation.thesis.rows import Found, Row, at_most, check, exactly, hits, near
 
 Array = NDArray[np.float64]

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from cutenv.measurement import estimate_fracture_resistance, estimate_local_effective_moduli
-from cutenv.tissue import CutModel
+from cutenv.records.measurement import estimate_fracture_resistance, estimate_local_effective_moduli
+from cutenv.sim.tissue import CutModel
 from scripts.validation.measurement.recovery import CONDITIONS, PROMISED, cut_specimens, recovery
 from scripts.validation.thesis.rows import Found, Row, check, hits, holds, largest_difference, near
 from scripts.validation.thesis.virtual_cuts import ANGLES_DEG, INCH, SEVEN_SPEEDS, SPEEDS, VirtualCut, cm_s, virtual_cut

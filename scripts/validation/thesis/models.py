@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from cutenv.tissue import CutModel
-from cutenv.tissue.tables import table
+from cutenv.sim.tissue import CutModel
+from cutenv.sim.tissue.tables import table
 from scripts.validation.thesis.elements import DIVISIONS, model
 from scripts.validation.thesis.rows import SHOWN, Found, Row, check, hits, largest_difference, near, unclaimed
 

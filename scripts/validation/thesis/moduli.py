@@ -10,9 +10,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.tissue import local_effective_modulus, measured_fracture_resistance, measured_liver, quasi_static_modulus
-from cutenv.tissue.effective_modulus import linear_fit, power_fit
-from cutenv.tissue.tables import table
+from cutenv.sim.tissue import (
+    local_effective_modulus,
+    measured_fracture_resistance,
+    measured_liver,
+    quasi_static_modulus,
+)
+from cutenv.sim.tissue.effective_modulus import linear_fit, power_fit
+from cutenv.sim.tissue.tables import table
 from scripts.validation.thesis.models import FORMULATIONS
 from scripts.validation.thesis.rows import Found, Row, check, hits, near, printed_as, unclaimed
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cutenv.tissue.tables import table
+from cutenv.sim.tissue.tables import table
 
 SHOWN = "not a target"
 """Tolerance of a row that is only shown."""

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv._engine.randomness import generator
-from cutenv.measurement import DepthProfile, Segment
-from cutenv.plant import Leg, SimulatedPlant, run, to_trace
-from cutenv.tissue import Specimen, measured_fracture_resistance, measured_liver
-from cutenv.tissue.specimen import N_POINTS, SPACING
-from cutenv.tissue.tables import table
-from cutenv.trace import Trace
+from cutenv.records.measurement import DepthProfile, Segment
+from cutenv.sim.plant import Leg, SimulatedPlant, run, to_trace
+from cutenv.sim.tissue import Specimen, measured_fracture_resistance, measured_liver
+from cutenv.sim.tissue.specimen import N_POINTS, SPACING
+from cutenv.sim.tissue.tables import table
+from cutenv.sim.trace import Trace
 
 INCH = 0.0254  # [m]
 SPEEDS = (0.001, 0.0127, 0.0254)  # slow, intermediate and normal cutting of chapter 3 [m/s]

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv._base.arrays import Struct
-from cutenv.cutting.dtypes import READING, TICK
-from cutenv.cutting.law import stored_energy
-from cutenv.plant import SimulatedPlant
-from cutenv.tissue import CutModel, Specimen, local_effective_modulus
-from cutenv.tissue.description import tables_only
+from cutenv.sim.cutting.dtypes import READING, TICK
+from cutenv.sim.cutting.law import stored_energy
+from cutenv.sim.plant import SimulatedPlant
+from cutenv.sim.tissue import CutModel, Specimen, local_effective_modulus
+from cutenv.sim.tissue.description import tables_only
 from scripts.validation.thesis.rows import Found, Row, at_most, check, near
 
 ETA90, MODULUS, RESISTANCE, DEPTH = 0.28, 48.36e3, 211.0, 0.02  # [1], [Pa], [J/m2], [m]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from cutenv.tissue.cut_model import CutModel
+from cutenv.sim.tissue.cut_model import CutModel
 from cutenv.vision.bead_correspondence import places_from_sweep
 from cutenv.vision.beads import find_beads
 from cutenv.vision.fluoroscopy import CArmCalibration, CArmView, calibrate_view, length_per_pixel

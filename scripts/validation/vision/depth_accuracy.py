@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from cutenv.measurement import estimate_fracture_resistance
-from cutenv.trace import Trace
+from cutenv.records.measurement import estimate_fracture_resistance
+from cutenv.sim.trace import Trace
 from cutenv.vision.blade_mark import MarkedBlade
 from cutenv.vision.cameras import CalibratedCameras, CalibrationBoard, calibrate_cameras, halves
 from cutenv.vision.depth_record import FilmedDepth, filmed_depth

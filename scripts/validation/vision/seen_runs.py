@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from cutenv.plant import Leg, SimulatedPlant, run, to_trace
-from cutenv.tissue import CutModel, Specimen
-from cutenv.trace import Trace
+from cutenv.sim.plant import Leg, SimulatedPlant, run, to_trace
+from cutenv.sim.tissue import CutModel, Specimen
+from cutenv.sim.trace import Trace
 from cutenv.vision.blade_mark import MarkedBlade
 from cutenv.vision.cameras import calibrate_cameras
 from cutenv.vision.depth_record import RunsAndDrops, filmed_depth, runs_and_drops, seen_runs

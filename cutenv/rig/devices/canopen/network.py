@@ -20,8 +20,8 @@ from typing import Any, Protocol
 from cutenv._base.validation import in_range, one_of
 from cutenv.rig.config.settings import Bus
 from cutenv.rig.devices.canopen.objects import HEARTBEAT_FRAME, NMT_FRAME, NMT_OPERATIONAL, SYNC_FRAME
-from cutenv.rig.devices.drivers import Latch
 from cutenv.rig.devices.host import Clock, Repeating
+from cutenv.rig.devices.protocols import Latch
 from cutenv.rig.errors import RigError
 
 PATIENCE = 2.0

@@ -11,7 +11,7 @@ from typing import Literal
 
 from cutenv._base.validation import in_range
 from cutenv.rig.config.settings import Axis
-from cutenv.rig.devices.drivers import DriveState
+from cutenv.rig.devices.protocols import DriveState
 
 
 @dataclass(frozen=True)

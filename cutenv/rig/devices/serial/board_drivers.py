@@ -15,7 +15,7 @@ from cutenv._base.validation import check_parameters, in_range
 from cutenv.rig.config.settings import Axis, RigSettings, SensorSettings, setting
 from cutenv.rig.devices.driver_bases import FIRST_READING, AxisDriver, StreamedSensor
 from cutenv.rig.devices.driver_registry import Mounting, rig_driver
-from cutenv.rig.devices.drivers import DriveState, MotionListener, MotionSample
+from cutenv.rig.devices.protocols import DriveState, MotionListener, MotionSample
 from cutenv.rig.devices.reading_stream import SampleClock, Zero
 from cutenv.rig.devices.serial.board import (
     BOARD_PATIENCE,

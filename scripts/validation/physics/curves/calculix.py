@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cutenv.tissue.split_mesh import DoubledMesh
+from cutenv.sim.tissue.split_mesh import DoubledMesh
 
 MODULUS, POISSON, THICKNESS = 1e4, 0.3, 0.01
 """Modulus [Pa], Poisson's ratio [1] and thickness [m] of the slab."""

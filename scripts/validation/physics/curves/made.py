@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from cutenv.plant import FreehandPlant, SteeredPlant
-from cutenv.tissue import CutModel, Specimen, SteeredModel
-from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
-from cutenv.tissue.lines import WIDTH, CutLine, arc, half_ellipse, length_within, random_line, s_shape, straight
-from cutenv.tissue.path_model import stiffness_on_line
+from cutenv.sim.plant import FreehandPlant, SteeredPlant
+from cutenv.sim.tissue import CutModel, Specimen, SteeredModel
+from cutenv.sim.tissue.grid import LENGTH, N_POINTS, SPACING
+from cutenv.sim.tissue.lines import WIDTH, CutLine, arc, half_ellipse, length_within, random_line, s_shape, straight
+from cutenv.sim.tissue.path_model import stiffness_on_line
 from scripts.validation.physics.crack_truth import ELEMENT, led_along
 from scripts.validation.physics.curves.calculix import MODULUS, POISSON, THICKNESS, deck
 from scripts.validation.physics.steering import follow_line

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from cutenv.tissue.cut_model import CutModel
+from cutenv.sim.tissue.cut_model import CutModel
 from scripts.validation.vision.rendering.lens import Array
 
 _STEP = 2e-3  # of the grid of places [m]

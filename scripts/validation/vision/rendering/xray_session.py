@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter
 
-from cutenv.plant.protocol import Leg, run
-from cutenv.plant.simulator import SimulatedPlant
-from cutenv.tissue.cut_model import CutModel
-from cutenv.tissue.specimen import Specimen
+from cutenv.sim.plant.protocol import Leg, run
+from cutenv.sim.plant.simulator import SimulatedPlant
+from cutenv.sim.tissue.cut_model import CutModel
+from cutenv.sim.tissue.specimen import Specimen
 from scripts.validation.vision.rendering.xray import STEEL, TISSUE, Array, Box, XRayCamera, interlaced
 
 BEAD = 0.5e-3

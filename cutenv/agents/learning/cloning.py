@@ -1,0 +1,256 @@
+"""Behaviour cloning.
+
+Fit a policy network to demonstrations, alone or before it learns by trial.
+
+The script that demonstrates acts with some noise, so that the clone learns how to come back from small mistakes; the
+target is the action that the script would have taken without it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch.nn.utils.rnn import pad_sequence
+from tqdm import tqdm
+
+from cutenv.agents.learning.arguments import LearnerArguments
+from cutenv.agents.learning.environment_groups import EnvironmentGroups
+from cutenv.agents.policy import Policy
+from cutenv.agents.policy.interface import as_array_policy
+from cutenv.agents.sb3 import FeatureVecEnv
+
+Batch = tuple[torch.Tensor, torch.Tensor, torch.Tensor]
+"""Observations, shape (..., size), actions, shape (..., k), and weights 1 or 0, shape (...)."""
+
+
+class Transitions(NamedTuple):
+    """Single decisions with what came of them, for learners that estimate values."""
+
+    observations: np.ndarray
+    """Features, shape (decisions, size)."""
+    actions: np.ndarray
+    """Actions as they were taken, shape (decisions, k)."""
+    rewards: np.ndarray
+    """Rewards, shape (decisions,)."""
+    next_observations: np.ndarray
+    """Features at the next decision, shape (decisions, size); of the next cut where one ended."""
+    ends: np.ndarray
+    """True where the cut ended, shape (decisions,)."""
+
+
+class Demonstrations(NamedTuple):
+    """Consecutive decisions of a script in n environments."""
+
+    observations: np.ndarray
+    """Features from the environments, shape (decisions, n, size)."""
+    actions: np.ndarray
+    """Actions of the script without noise, shape (decisions, n, k)."""
+    starts: np.ndarray
+    """True where a cut begins, shape (decisions, n)."""
+    taken: np.ndarray
+    """Actions as they were taken, with the noise, shape (decisions, n, k)."""
+    rewards: np.ndarray
+    """Rewards, shape (decisions, n)."""
+
+    def transitions(self) -> Transitions:
+        """Return every decision but the last of each environment, whose successor is not known."""
+        size = self.observations.shape[-1]
+        return Transitions(
+            self.observations[:-1].reshape(-1, size),
+            self.taken[:-1].reshape(-1, self.taken.shape[-1]),
+            self.rewards[:-1].reshape(-1),
+            self.observations[1:].reshape(-1, size),
+            self.starts[1:].reshape(-1),
+        )
+
+    def by_decision(self) -> DecisionDataset:
+        """Return single decisions, for a network without memory."""
+        return DecisionDataset(
+            self.observations.reshape(-1, self.observations.shape[-1]), self.actions.reshape(-1, self.actions.shape[-1])
+        )
+
+    def by_cut(self) -> CutDataset:
+        """Return whole cuts, the unfinished ones too, for a network with memory."""
+        result = CutDataset([], [])
+        for n in range(self.starts.shape[1]):
+            starts = np.flatnonzero(self.starts[:, n])
+            for first, last in zip(starts, (*starts[1:], len(self.starts)), strict=True):
+                result.observations.append(torch.as_tensor(self.observations[first:last, n]))
+                result.actions.append(torch.as_tensor(self.actions[first:last, n]))
+        return result
+
+
+class DecisionDataset:
+    """Observations and the actions to take; ``batch_size`` counts decisions."""
+
+    def __init__(self, observations: np.ndarray, actions: np.ndarray) -> None:
+        self.observations, self.actions = torch.as_tensor(observations), torch.as_tensor(actions)
+
+    def count(self, batch_size: int) -> int:
+        """Return the number of batches of an epoch."""
+        return -(-len(self.observations) // batch_size)
+
+    def batches(self, batch_size: int, generator: torch.Generator) -> Iterator[Batch]:
+        """Yield every decision once, in random order."""
+        order = torch.randperm(len(self.observations), generator=generator)
+        for batch in order.split(batch_size):  # type: ignore[no-untyped-call]
+            yield self.observations[batch], self.actions[batch], torch.ones(len(batch))
+
+
+class CutDataset(NamedTuple):
+    """Data set of whole cuts, shapes (decisions, size) and (decisions, k), padded to the longest of a batch."""
+
+    observations: list[torch.Tensor]
+    actions: list[torch.Tensor]
+
+    def _groups(self, batch_size: int) -> list[list[int]]:
+        """Group cuts of similar length, about ``batch_size`` decisions each, so that little is padded."""
+        groups: list[list[int]] = [[]]
+        for cut in sorted(range(len(self.observations)), key=lambda n: len(self.observations[n])):
+            if groups[-1] and (len(groups[-1]) + 1) * len(self.observations[cut]) > batch_size:
+                groups.append([])
+            groups[-1].append(cut)
+        return groups
+
+    def count(self, batch_size: int) -> int:
+        """Return the number of batches of an epoch."""
+        return len(self._groups(batch_size))
+
+    def batches(self, batch_size: int, generator: torch.Generator) -> Iterator[Batch]:
+        """Yield every cut once, the batches in random order; axes (decision, cut, ...)."""
+        groups = self._groups(batch_size)
+        for k in torch.randperm(len(groups), generator=generator).tolist():
+            weights = [torch.ones(len(self.observations[n])) for n in groups[k]]
+            yield (
+                pad_sequence([self.observations[n] for n in groups[k]]),
+                pad_sequence([self.actions[n] for n in groups[k]]),
+                pad_sequence(weights),
+            )
+
+
+def demonstrations(
+    environments: FeatureVecEnv | EnvironmentGroups,
+    make_script: Callable[[], Policy],
+    *,
+    decisions: int,
+    noise: float,
+    seed: int,
+) -> Demonstrations:
+    """Let a script cut in all environments.
+
+    Parameters
+    ----------
+    environments : FeatureVecEnv or EnvironmentGroups
+        Environments to cut in; they are reset first.
+    make_script : callable
+        Function that makes a script.
+    decisions : int
+        Total number of decisions, rounded up to a multiple of the number of environments.
+    noise : float
+        Standard deviation of the noise added to the actions in every other environment.
+    seed : int
+        Seed of the noise.
+    """
+    rng = np.random.default_rng(seed)
+    count = environments.num_envs
+    script = as_array_policy(make_script())
+    script.begin([rng] * count)
+    amount = np.where(np.arange(count) % 2, noise, 0.0)[:, None]
+    shown, starts = environments.reset(), np.ones(count, bool)
+    lessons: list[tuple[np.ndarray, ...]] = []
+    for _ in tqdm(range(-(-decisions // count)), desc="demonstrating", unit="decision", unit_scale=count):
+        actions = script.act(environments.observations)
+        noisy = actions + amount * rng.standard_normal(actions.shape).astype(np.float32)
+        taken = np.clip(noisy, -1.0, 1.0).astype(np.float32)  # what the environment makes of it
+        environments.step_async(noisy)
+        after, rewards, ended, _ = environments.step_wait()
+        lessons.append((shown, actions, starts, taken, rewards))
+        shown, starts = after, np.array(ended)
+        script.forget(np.flatnonzero(starts))
+    return Demonstrations(*map(np.stack, zip(*lessons, strict=True)))
+
+
+def script_demonstrations(
+    environments: FeatureVecEnv | EnvironmentGroups, arguments: LearnerArguments
+) -> Demonstrations:
+    """Let the script of the options cut in all environments, as often and with as much noise as they say."""
+    return demonstrations(
+        environments,
+        arguments.learned_task.scripts[arguments.script],
+        decisions=arguments.demonstrations,
+        noise=arguments.demonstration_noise,
+        seed=arguments.seed,
+    )
+
+
+class Cloning:
+    """Least-squares fit of a network to a data set, epoch by epoch.
+
+    The order of an epoch depends only on the seed and the number of the epoch, so that a resumed cloning gives the same
+    network as one that was not interrupted.
+
+    Parameters
+    ----------
+    network : callable
+        Function from observations to actions.
+    parameters : list of torch.nn.Parameter
+        Parameters of the network to fit.
+    dataset : DecisionDataset or CutDataset
+        Observations and the actions to take.
+    epochs, batch_size, learning_rate, seed
+        Hyperparameters; the learning rate falls along half a cosine to zero.
+    """
+
+    def __init__(
+        self,
+        network: Callable[[torch.Tensor], torch.Tensor],
+        parameters: list[torch.nn.Parameter],
+        dataset: DecisionDataset | CutDataset,
+        *,
+        epochs: int = 15,
+        batch_size: int = 256,
+        learning_rate: float = 2e-3,
+        seed: int = 0,
+    ) -> None:
+        self._network, self._dataset = network, dataset
+        self._epochs, self._batch_size, self._rate, self._seed = epochs, batch_size, learning_rate, seed
+        self.optimizer = torch.optim.Adam(parameters, lr=learning_rate)
+        self.epoch = 0
+        """Number of completed epochs."""
+
+    def run_epoch(self) -> None:
+        """Go through the data set once."""
+        generator = torch.Generator().manual_seed(1000 * self._seed + self.epoch)
+        per_epoch = self._dataset.count(self._batch_size)
+        for k, batch in enumerate(self._dataset.batches(self._batch_size, generator)):
+            share = (self.epoch + k / per_epoch) / self._epochs
+            for group in self.optimizer.param_groups:
+                group["lr"] = 0.5 * self._rate * (1.0 + math.cos(math.pi * share))
+            squares, count = self._squares(batch)
+            self.optimizer.zero_grad()
+            (squares / count).backward()  # type: ignore[no-untyped-call]
+            self.optimizer.step()
+        self.epoch += 1
+
+    def run(self) -> float:
+        """Run all epochs; return the remaining root mean square error."""
+        for _ in tqdm(range(self._epochs), desc="cloning", unit="epoch"):
+            self.run_epoch()
+        return self.error()
+
+    def error(self) -> float:
+        """Return the root mean square difference between the network's actions and those of the data set."""
+        total = counted = 0.0
+        with torch.no_grad():
+            for batch in self._dataset.batches(self._batch_size, torch.Generator().manual_seed(0)):
+                squares, count = self._squares(batch)
+                total, counted = total + float(squares), counted + float(count)
+        return math.sqrt(total / counted)
+
+    def _squares(self, batch: Batch) -> tuple[torch.Tensor, torch.Tensor]:
+        observations, actions, weights = batch
+        return (((self._network(observations) - actions) ** 2).mean(-1) * weights).sum(), weights.sum()

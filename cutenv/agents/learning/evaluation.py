@@ -1,0 +1,380 @@
+"""Evaluation of policies on the same specimens.
+
+They are rolled out in one compiled batch: every score of every cut.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import difflib
+import math
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cutenv._base.arrays import StructArray
+from cutenv._base.output import progress_bar
+from cutenv.agents.policy import BASELINES, SHIPPED, ArrayPolicy, Policy, PrivilegedPolicy, named_policy
+from cutenv.agents.policy.interface import as_array_policy
+from cutenv.agents.policy.shipped import policy_of_class
+from cutenv.envs import set_cores
+from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.envs.vector import CutBatch
+from cutenv.records.scoring import METRICS, Truth, score
+from cutenv.sim.cutting.dtypes import READING, TICK
+from cutenv.sim.plant.protocol import recorded_trace
+from cutenv.sim.tissue.grid import SPACING
+from cutenv.task.episode import Episode, ShownDepth
+from cutenv.task.info import GROUPS, INFO, column
+from cutenv.task.registry import TASKS, task_made_as, task_of
+from cutenv.task.reward import TERMS
+
+METRIC_PREFIX = "metric_"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FinishedCut:
+    """One cut by one policy.
+
+    Parameters
+    ----------
+    seed : int
+        Seed of the environment, whose first episode it was.
+    end : str
+        Reason of its end.
+    success : bool
+        True if it succeeded.
+    truth : mapping
+        ``info["truth"]`` at the end.
+    reward_totals : mapping of str to float
+        Sum of each term of the reward over the cut.
+    cost_totals : mapping of str to float
+        Sum of each part of the cost over the cut: ``overshoot_mm``, ``long_runs_mm`` [mm].
+    largest_jump_m : float
+        Largest unstable growth in a millisecond [m].
+    time_s : float
+        Time of its end [s].
+    readings : Records
+        Readings at 1 kHz, :data:`cutenv.sim.cutting.dtypes.READING`, shape (n,), hidden tip included; for the scores
+        alone, ``true_force`` is enough.
+    depth, measured_depth, resistance : array, shape (301,)
+        Depth [m], as measured beforehand [m], and fracture resistance [J/m2] of the specimen along the line.
+    further : mapping of str to float
+        Scores that the task adds.
+    shown_depth : ShownDepth, optional
+        Depth of the cut for a picture, of a task with a third axis.
+    """
+
+    seed: int
+    end: str
+    success: bool
+    truth: Mapping[str, Any]
+    reward_totals: Mapping[str, float]
+    cost_totals: Mapping[str, float]
+    largest_jump_m: float
+    time_s: float
+    readings: StructArray
+    depth: np.ndarray
+    measured_depth: np.ndarray
+    resistance: np.ndarray
+    further: Mapping[str, float] = field(default_factory=dict)
+    shown_depth: ShownDepth | None = None
+
+    def scores(self) -> dict[str, Any]:
+        """Return the scores that follow from the task and from the hidden state."""
+        truth, readings = self.truth, self.readings
+        beyond = truth["tip_m"] - truth["target_length_m"]
+        return {
+            "seed": self.seed,
+            "specimen_class": truth["specimen_class"],
+            "target_length_mm": 1e3 * truth["target_length_m"],
+            "return": math.fsum(self.reward_totals.values()),
+            "success": float(self.success),
+            "end": self.end,
+            "tip_error_mm": 1e3 * abs(beyond),
+            "cost_mm": math.fsum(self.cost_totals.values()),
+            **self.cost_totals,
+            "time_s": self.time_s,
+            "peak_force_N": float(readings["true_force"].max()),
+            "mean_force_N": float(readings["true_force"].mean()),
+            "uncontrolled_share": truth["uncontrolled_m"] / max(truth["tip_m"], 1e-9),
+            "largest_jump_mm": 1e3 * self.largest_jump_m,
+            "runs": int(truth["units"]),
+            **{f"reward_{name}": value for name, value in self.reward_totals.items()},
+            **self.further,
+        }
+
+    def metrics(self) -> dict[str, float | str]:
+        """Return every metric of the score card, keyed by :func:`metric_column`; an undefined one is an empty text."""
+        readings, trace = self.readings, recorded_trace(self.readings, self.depth)
+        cut = self.resistance[: max(int(self.truth["tip_m"] / SPACING), 0) + 1]
+        truth = Truth(tip=readings["tip"], jump=readings["jump"], resistance=float(cut.mean()))
+        card = score(trace, target_length=self.truth["target_length_m"], truth=truth)
+        values = {name: scored.value for name, scored in card.metrics.items()}
+        return {metric_column(name): "" if value is None else value for name, value in values.items()}
+
+
+def metric_column(name: str) -> str:
+    """Return the column name of a metric of the score card, with its unit: ``metric_peak_force_N``."""
+    unit = METRICS[name].unit.replace("F", "N")
+    suffix = "" if unit == "1" else "_" + unit.replace("/", "_per_").replace(" ", "_")
+    return METRIC_PREFIX + name + suffix
+
+
+_SCORED = np.dtype([("true_force", "f8")])
+"""Readings from which the scores follow: a ninth of the memory of all."""
+_TERMS, _COSTS = ([column(field) for field in GROUPS[group]] for group in ("reward_terms", "cost_terms"))
+
+
+def batched_rollout(
+    policy: Policy,
+    seeds: Sequence[int],
+    arguments: Mapping[str, Any],
+    *,
+    readings: bool = False,
+    finished: Callable[[int], Any] = lambda count: None,
+) -> list[FinishedCut]:
+    """Let a policy cut the specimens of some seeds, the first episode of each.
+
+    Parameters
+    ----------
+    policy : Policy
+        The policy; one that was written for single cuts is copied for each.
+    seeds : sequence of int
+        Seeds, one for each cut.
+    arguments : mapping
+        Keyword arguments of the environment, and "task" if it is not that of gentle cutting.
+    readings : bool
+        Whether the finished cuts hold every field of their readings; else only those that the scores need.
+    finished : callable, optional
+        Called with the number of cuts that have ended with a decision.
+    """
+    task, own = task_of(arguments)
+    count, environment = len(seeds), task.single(**own)
+    batch, many = CutBatch(count, environment), as_array_policy(policy)
+    batch.give_seeds(seeds, np.arange(count), np.random.default_rng())
+    batch.begin(np.arange(count))
+    many.begin([np.random.default_rng(seed) for seed in seeds])
+    if many.privileged:
+        shown = task.single(**own)
+        many.set_states([_at_start(shown, seed) for seed in seeds])
+    ticks = environment.ticks
+    decisions = math.ceil(environment.deadline / (ticks * TICK))
+    felt = np.zeros((count, ticks), READING)
+    kept = np.empty((count, decisions * ticks), READING if readings else _SCORED)
+    infos, totals, costs = np.zeros(count, INFO), np.zeros((count, len(_TERMS))), np.zeros((count, len(_COSTS)))
+    added = {name: np.zeros(count) for name in batch.extra_terms()}
+    jumps, ends = np.zeros(count), np.zeros(count, np.int64)
+    for first in range(0, decisions * ticks, ticks):
+        going = ends == 0
+        _, ended = batch.decide(many.act(batch.observations), ~going, infos, readings=felt)
+        which = np.flatnonzero(going)
+        for name in kept.dtype.names:
+            kept[name][which, first : first + ticks] = felt[name][which]
+        for sums, names in ((totals, _TERMS), (costs, _COSTS)):
+            sums[which] += np.stack([infos[name][which] for name in names], axis=1)
+        for name, term in batch.extra_terms().items():
+            added[name][which] += term[which]
+        np.maximum(jumps, felt["jump"].max(axis=1), out=jumps)  # readings of an ended cut stay as they are
+        ends += ended
+        if ended.any():
+            finished(int(np.count_nonzero(ended)))
+        if ends.all():
+            break
+    times, success, further = felt["time"].max(axis=1), batch.succeeded(), batch.further_scores()
+    return [
+        FinishedCut(
+            seed=int(seeds[n]),
+            end=batch.end_names[ends[n]],
+            success=bool(success[n]),
+            truth={field.name: infos[column(field)][n].item() for field in GROUPS["truth"]}
+            | {"specimen_class": batch.classes[n]},
+            reward_totals=dict(zip(TERMS, totals[n].tolist(), strict=True))
+            | {name: float(term[n]) for name, term in added.items()},
+            cost_totals={field.name: cost for field, cost in zip(GROUPS["cost_terms"], costs[n].tolist(), strict=True)},
+            largest_jump_m=float(jumps[n]),
+            time_s=float(times[n]),
+            readings=kept[n, : round(times[n] / TICK)],
+            depth=batch.cuts.profiles["depth"][n].copy(),
+            measured_depth=batch.cuts.nominals["depth"][n].copy(),
+            resistance=batch.cuts.specimens["fracture_resistance"][n].copy(),
+            further={name: float(score[n]) for name, score in further.items()},
+            shown_depth=batch.shown_depth(n) if readings else None,
+        )
+        for n in range(count)
+    ]
+
+
+def _at_start(environment: GentleCutEnv, seed: int) -> Episode:
+    """Return the cut of a seed at its start."""
+    environment.reset(seed=seed)
+    return environment.cutting
+
+
+_BATCH, _SMALL_BATCH = 200, 100  # cuts simulated together; fewer where all readings are kept, or a policy is copied
+_FEWEST = 2000  # cuts, below which starting processes takes longer than they save
+
+
+@dataclass(frozen=True)
+class Contestant:
+    """A policy and the environment's keywords that it needs.
+
+    One is its decision rate.
+    """
+
+    policy: Policy
+    arguments: Mapping[str, Any] = field(default_factory=dict)
+
+
+def _end_with_parent() -> None:
+    """End this worker when its parent is killed; otherwise it would wait for work for ever."""
+
+    def watch() -> None:
+        parent = multiprocessing.parent_process()
+        if parent is not None:
+            parent.join()
+            os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def _begin_worker() -> None:
+    """Use one core, as there are as many processes as cores, and leave Ctrl-C to the parent, which ends its workers."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    set_cores(1)
+    _end_with_parent()
+
+
+@contextlib.contextmanager
+def workers(processes: int | None = None) -> Iterator[Executor]:
+    """Start processes to evaluate in, by default one per core; an error cancels the remaining work."""
+    # Fresh processes: a fork of one that runs threads (torch, Numba) may hang.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(processes or os.cpu_count(), context, initializer=_begin_worker) as pool:
+        try:
+            yield pool
+        except BaseException:
+            started = list(pool._processes.values())
+            pool.shutdown(wait=False, cancel_futures=True)
+            for process in started:  # they are in the middle of cuts that are no longer needed
+                process.terminate()
+            raise
+
+
+@contextlib.contextmanager
+def _without_ctrl_c() -> Iterator[None]:
+    """Hold Ctrl-C back from this thread, and from the processes that it starts until they ignore it themselves."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows, where workers react to it until they have started
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _rows(
+    policy: Policy,
+    seeds: Sequence[int],
+    arguments: Mapping[str, Any],
+    metrics: bool,
+    finished: Callable[[int], Any] = lambda count: None,
+) -> list[dict[str, Any]]:
+    cuts = batched_rollout(policy, seeds, arguments, readings=metrics, finished=finished)
+    return [cut.scores() | (cut.metrics() if metrics else {}) for cut in cuts]
+
+
+def evaluate(
+    contestants: Mapping[str, Contestant],
+    seeds: Sequence[int],
+    arguments: Mapping[str, Any],
+    *,
+    processes: int | None = None,
+    description: str = "evaluating",
+    metrics: bool = False,
+    pool: Executor | None = None,
+) -> list[dict[str, Any]]:
+    """Return the scores of every contestant on every seed, one row for each cut, in order.
+
+    Parameters
+    ----------
+    contestants : mapping of str to Contestant
+        Policies by name; all cut the same specimens.
+    seeds : sequence of int
+        Seeds, one for each specimen.
+    arguments : mapping
+        Keyword arguments of the environment; those of a contestant take precedence.
+    processes : int, optional
+        Number of processes; default one per core, or none of their own for few cuts.
+    description : str
+        Text before the progress bar.
+    metrics : bool
+        Whether to add every metric of the score card.
+    pool : Executor, optional
+        Processes of :func:`workers` to use instead.
+    """
+    parts = []
+    for name, one in contestants.items():
+        whole_batch = isinstance(one.policy, ArrayPolicy) and not (metrics or one.policy.privileged)
+        size = _BATCH if whole_batch else _SMALL_BATCH
+        whole = {**arguments, **one.arguments}
+        parts += [(name, (one.policy, seeds[k : k + size], whole, metrics)) for k in range(0, len(seeds), size)]
+    cuts = len(contestants) * len(seeds)
+    with contextlib.ExitStack() as stack:
+        own = processes or (os.cpu_count() if cuts >= _FEWEST else 1)
+        if pool is None and own != 1:
+            pool = stack.enter_context(workers(own))
+        count = stack.enter_context(progress_bar(description, "cut", total=cuts))
+        if pool is None:
+            return [{"policy": name, **row} for name, part in parts for row in _rows(*part, count)]
+        futures = {}
+        for place in sorted(range(len(parts)), key=lambda place: not isinstance(parts[place][1][0], PrivilegedPolicy)):
+            with _without_ctrl_c():  # planners first: they take longest
+                futures[pool.submit(_rows, *parts[place][1])] = place
+        for future in as_completed(futures):
+            count(len(future.result()))
+    done = {place: future.result() for future, place in futures.items()}
+    return [{"policy": name, **row} for place, (name, _) in enumerate(parts) for row in done[place]]
+
+
+def contestant(name: str) -> Contestant:
+    """Return the baseline, script of another task or shipped policy of that name, or that of a folder or class.
+
+    Its arguments have "task" if it is not for gentle cutting. A folder is that of a policy or of a training run; a
+    class is ``MODULE:CLASS``.
+
+    Raises
+    ------
+    ValueError
+        If there is none; the message names the nearest.
+    """
+    if name in BASELINES:
+        return Contestant(BASELINES[name]())
+    for one in TASKS.values():
+        if name in one.scripts:
+            script = one.scripts[name]()
+            return Contestant(script, {"task": one.name, **getattr(script, "environment_arguments", {})})
+    if name in SHIPPED or Path(name).is_dir():
+        policy = named_policy(name)
+        task = task_made_as(policy.card.environment)
+        named = {} if task is TASKS["gentle"] else {"task": task.name}
+        return Contestant(policy, policy.environment_arguments | named)
+    own = policy_of_class(name)
+    if own is not None:
+        return Contestant(own, dict(getattr(own, "environment_arguments", {})))
+    known = [*BASELINES, *(script for one in TASKS.values() for script in one.scripts), *SHIPPED]
+    nearest = difflib.get_close_matches(name.lower(), known, n=1)
+    hint = f"Did you mean {nearest[0]!r}? " if nearest else ""
+    raise ValueError(
+        f"policy {name!r} is not known. {hint}'cutenv evaluate --list' prints the names; a folder of a policy or run, "
+        "or MODULE:CLASS of your own, does as well."
+    )

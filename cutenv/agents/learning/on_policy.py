@@ -1,0 +1,237 @@
+"""A run of a learner of Stable-Baselines3.
+
+Train, resume after an interruption, export, compare, report.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import torch
+
+from cutenv.agents.learning.arguments import LearnerArguments, PPOArguments, TrialArguments
+from cutenv.agents.learning.cloning import Demonstrations, script_demonstrations
+from cutenv.agents.learning.environment_groups import EnvironmentGroups
+from cutenv.agents.learning.evaluation import contestant, evaluate
+from cutenv.agents.learning.options import drawn_as
+from cutenv.agents.learning.progress import CheckpointExtras, Progress, save_model
+from cutenv.agents.learning.run_folder import RunRequest, end_interrupted, export, record_run, write_facts
+from cutenv.agents.learning.statistics import read_rows
+from cutenv.agents.learning.training_report import compare
+from cutenv.agents.policy import Network, RecurrentNetwork
+from cutenv.agents.sb3 import FeatureVecEnv
+
+
+class FallingRate:
+    """A learning rate that falls linearly to a twentieth.
+
+    :class:`Progress` sets the share of training that is done.
+    """
+
+    def __init__(self, rate: float) -> None:
+        self.rate, self.share = rate, 0.0
+
+    def __call__(self, remaining: float) -> float:
+        """Return the rate; ``remaining``, SB3's share of decisions, is ignored, as it knows nothing of minutes."""
+        return self.rate * (1.0 - 0.95 * self.share)
+
+
+class TrialLearner(Protocol):
+    """Learner that a run trains: :class:`OnPolicyLearner`, or that of :mod:`cutenv.agents.learning.off_policy`."""
+
+    @property
+    def name(self) -> str:
+        """Name of the agent in reports."""
+
+    @property
+    def algorithm(self) -> Any:
+        """Class of Stable-Baselines3 or sb3-contrib."""
+
+    @property
+    def network(self) -> Callable[[Mapping[str, np.ndarray], str], Network | RecurrentNetwork]:
+        """Function that makes the actor in NumPy from the policy's parameters and their activation."""
+
+    @property
+    def activation(self) -> str:
+        """Activation of the actor's layers."""
+
+    def new_model(self, arguments: Any, environments: FeatureVecEnv | EnvironmentGroups) -> Any:
+        """Make an untrained agent."""
+
+    def pretrain(self, model: Any, arguments: Any) -> None:
+        """Teach a model what demonstrations show."""
+
+    def restore(self, model: Any, arguments: Any) -> None:
+        """Give a model loaded from its checkpoint what the checkpoint does not contain."""
+
+
+@dataclass(frozen=True)
+class OnPolicyLearner:
+    """Parts in which one learner differs from another."""
+
+    name: str
+    """Name of the agent in reports."""
+    algorithm: Any
+    """Class of Stable-Baselines3 or sb3-contrib."""
+    policy: type[Any]
+    """Class of its actor and critic."""
+    imitate: Callable[[Any, Demonstrations, Any], float]
+    """Function that clones demonstrations into a policy's actor, given the options, and returns the error left."""
+    network: Callable[[Mapping[str, np.ndarray], str], Network | RecurrentNetwork]
+    """Function that makes the actor in NumPy from the policy's parameters."""
+    activation = "tanh"
+
+    def new_model(self, arguments: PPOArguments, environments: FeatureVecEnv | EnvironmentGroups) -> Any:
+        """Make an untrained agent."""
+        return self.algorithm(self.policy, environments, **sb3_keywords(arguments))
+
+    def pretrain(self, model: Any, arguments: PPOArguments) -> None:
+        """Clone the demonstrated script into a model's actor."""
+        environments, policy = model.get_env(), model.policy
+        shown = script_demonstrations(environments, arguments)
+        error = self.imitate(policy, shown, arguments)
+        print(f"the clone's actions differ from those of {arguments.script!r} by {error:.3f} (root mean square)")
+
+    def restore(self, model: Any, arguments: PPOArguments) -> None:
+        """Do nothing: the checkpoint contains all that is needed."""
+
+
+def sb3_keywords(arguments: PPOArguments) -> dict[str, Any]:
+    """Return the keyword arguments of PPO and of recurrent PPO of Stable-Baselines3."""
+    return {
+        "learning_rate": FallingRate(arguments.learning_rate),
+        "n_steps": arguments.rollout,
+        "batch_size": arguments.batch_size,
+        "n_epochs": arguments.epochs,
+        "gamma": arguments.gamma,
+        "gae_lambda": arguments.gae_lambda,
+        "policy_kwargs": arguments.sizes,
+        "seed": arguments.seed,
+        "device": "cpu",  # a network this small is slower on a GPU
+    }
+
+
+def train(learner: TrialLearner, arguments: TrialArguments, run: Path, resume: bool) -> tuple[bool, float]:
+    """Train; return whether training is complete, and the share of its time that the environments took."""
+    begun = time.monotonic()
+    torch.set_num_threads(1)  # two thread pools on two cores compete
+    checkpoint = run / "checkpoint.zip"
+    environments = arguments.training_environments()
+    events = str(run / "tensorboard") if arguments.tensorboard else None
+    finished = True
+    curve: list[dict[str, float]] = []
+    extras = None
+    if resume:
+        model = learner.algorithm.load(checkpoint, env=environments, device="cpu", tensorboard_log=events)
+        learner.restore(model, arguments)
+        environments.first_episode = unseen_episode(model)
+        curve = read_rows(run / "learning_curve.csv")
+        curve = [point for point in curve if point["decisions"] <= model.num_timesteps]
+        extras = CheckpointExtras.of(model)
+        environments.cuts = 0 if extras is None else extras.cuts
+        print(f"resuming after {model.num_timesteps} decisions")
+        if extras is None:
+            print("the checkpoint contains no running average of the actor: the average starts again")
+    else:
+        model = learner.new_model(arguments, environments)
+        model.tensorboard_log = events
+        save_model(model, run / "untrained.zip")
+        if arguments.demonstrations:
+            learner.pretrain(model, arguments)
+    progress = Progress(run, arguments, curve, begun, extras)
+    progress.init_callback(model)
+    trial_begun, spent = time.perf_counter(), environments.seconds
+    try:
+        remaining = max(arguments.timesteps - model.num_timesteps, 0)
+        if remaining and progress.share < 1.0:
+            model.learn(remaining, callback=progress, reset_num_timesteps=not resume, tb_log_name="run")
+            progress.validate()
+    except KeyboardInterrupt:
+        finished = False
+    share = (environments.seconds - spent) / (time.perf_counter() - trial_begun)
+    progress.save_checkpoint()
+    if finished and not (run / "policy.zip").is_file():  # training ended before the first validation
+        save_model(model, run / "policy.zip")
+    return finished, share
+
+
+def unseen_episode(model: Any) -> int:
+    """Return the number of an episode that no environment can have reached in training: each lasts a decision or more.
+
+    Otherwise a resumed run would cut the same specimens again, from the first on.
+    """
+    return 1 + int(model.num_timesteps) // int(model.n_envs)
+
+
+def exported(learner: TrialLearner, arguments: TrialArguments, run: Path, name: str, facts: Mapping[str, Any]) -> None:
+    """Export the actor of ``name``.zip, for use without torch: ``name``/policy.safetensors and card.json."""
+    model = learner.algorithm.load(run / f"{name}.zip", device="cpu")
+    arrays = {key: value.detach().cpu().numpy() for key, value in model.policy.state_dict().items()}
+    network = learner.network(arrays, learner.activation)
+    export(arguments, run / name, network, {**facts, "decisions": int(model.num_timesteps)})
+
+
+def time_to_threshold(arguments: LearnerArguments, curve: Sequence[Mapping[str, float]]) -> float | None:
+    """Return the time [s] until the agent did as well as the demonstrated script on validation specimens, or None."""
+    shared = {**drawn_as(vars(arguments)), **arguments.angle, **arguments.simulated}
+    several, seeds = {arguments.script: contestant(arguments.script)}, arguments.validation_seeds
+    rows = evaluate(several, seeds, shared, description="script on validation specimens")
+    threshold = float(np.mean([row["return"] for row in rows]))
+    reached = (point["seconds"] for point in curve if point.get("validation_return", -np.inf) >= threshold)
+    return next(reached, None)
+
+
+def run_learner(learner: TrialLearner, request: RunRequest[Any], resume_command: str) -> None:
+    """Train, export, evaluate and report into the folder of the run.
+
+    Parameters
+    ----------
+    learner : TrialLearner
+        Learner of :mod:`cutenv.agents.learning.ppo`, :mod:`~cutenv.agents.learning.recurrent_ppo` or
+        :mod:`~cutenv.agents.learning.off_policy`.
+    request : RunRequest
+        Options and folder of the run.
+    resume_command : str
+        Command line that is printed after an interruption.
+
+    Raises
+    ------
+    SystemExit
+        With status 130 after Ctrl-C.
+    """
+    arguments, run = request.arguments, request.run
+    facts = record_run(arguments, run, learner.name)
+    begun = time.monotonic()
+    try:
+        finished, share = train(learner, arguments, run, request.resume)
+    except KeyboardInterrupt:  # before training, or a second time while it was being saved
+        finished = False
+    else:
+        print(f"the environments took {100.0 * share:.0f} % of the time")
+    if not finished:
+        end_interrupted(run, resume_command)
+    curve = read_rows(run / "learning_curve.csv")
+    seconds = curve[-1]["seconds"] if curve else time.monotonic() - begun
+    facts["training_minutes"] = round(seconds / 60.0, 1)
+    facts["environments_share"] = round(share, 3)
+    try:
+        for name in ("untrained", "policy"):
+            exported(learner, arguments, run, name, facts)
+        write_facts(run, facts)
+        if arguments.specimens:
+            reached = time_to_threshold(arguments, curve)
+            facts["level_with_script_after_s"] = reached
+            write_facts(run, facts)
+            compare(run, facts)
+            if reached is not None:
+                when = f"after {reached:.0f} s, demonstrations included"
+                print(f"as good as {arguments.script!r} on the validation specimens {when}")
+    except KeyboardInterrupt:
+        print(f"\ninterrupted while evaluating; {run}/policy.zip is the trained agent.")
+        print(f"Evaluate it with: {resume_command}")
+        raise SystemExit(130) from None

@@ -1,0 +1,228 @@
+"""Page of a training run.
+
+The agent's results beside scripts, on specimens that it has never seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from cutenv.display.report.page import (
+    LIMITS,
+    MEANINGS,
+    estimate_text,
+    further_meanings,
+    number,
+    term_meanings,
+    write_page,
+)
+from cutenv.display.report.record_figure import cut_figure, floor_figure, mean_depth_error_mm
+from cutenv.display.report.training_result import (
+    DIFFERENCES,
+    SPECIMEN_CLASS,
+    CutPicture,
+    Score,
+    TrainingResult,
+    costs_figure,
+    curve_figure,
+    returns_figure,
+)
+from cutenv.task.reward import GAINS
+
+__all__ = ["CutPicture", "TrainingResult", "training_headline", "write_training_page"]
+
+_PALE, _DEEP = (0xF1, 0xF6, 0xFA), (0x00, 0x5A, 0x94)  # ends of the grid's colours
+_SHOWN_COST = 5e-4  # a smaller one is a bar without length
+
+
+def write_training_page(path: Path, result: TrainingResult) -> None:
+    """Write the page of a training run as one self-contained file.
+
+    Parameters
+    ----------
+    path : Path
+        Path of the page (.html), in a folder that exists; an older one is replaced as a whole.
+    result : TrainingResult
+        Result to write.
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is not installed; the message gives the command that installs it.
+    """
+    grid = result.grid
+    write_page(
+        path,
+        "training.html",
+        result=result,
+        headline=training_headline(result),
+        stronger=_stronger_scripts(result),
+        columns=result.columns,
+        differences=DIFFERENCES,
+        baselines=[row["baseline"] for row in result.differences],
+        heads=_heads,
+        shown=_shown,
+        decision=partial(_decision, result),
+        bars=[result.bar(policy, "return") for policy in result.policies],
+        best=max(grid, key=lambda row: float(row["mean"]), default=None),
+        grid_heads=[("speed", "cm/s"), *(f"{angle:g}\u00b0" for angle in sorted({row["angle_deg"] for row in grid}))],
+        shade=partial(grid_shade, [row["mean"] for row in grid]),
+        meanings=(*MEANINGS, *further_meanings(one.name for one in result.columns)),
+        limits=LIMITS,
+        returns_figure=returns_figure,
+        costs_figure=costs_figure,
+        cut_figure=cut_figure,
+        floor_figure=floor_figure,
+        mean_depth_error_mm=mean_depth_error_mm,
+        curve_figure=curve_figure,
+        **_costs(result),
+    )
+
+
+def training_headline(result: TrainingResult) -> tuple[str, str, str]:
+    """Return whether the agent beats the scripts: a class (good, bad, open), a few words, and sentences.
+
+    The paired difference of return decides, and only if its 95 % interval excludes 0.  An agent that does not beat the
+    script which taught it may still beat all others: then this comes first, and the comparison with its teacher second.
+    """
+    best, rival = result.best_script, result.rival_script
+    tried = f"Over {_difference(result, best)['cuts']:.0f} held-out specimens of class {result.facts[SPECIMEN_CLASS]}, "
+    kind = _outcome(_difference(result, best))
+    if kind != "good" and rival is not None and _outcome(_difference(result, rival)) == "good":
+        word = "Better than every script but its teacher"
+        claim = f"{result.agent} beats {rival}, the best script that did not teach it"
+        against = {"bad": "It does not beat", "open": "It is level with"}[kind]
+        taught = f" {against} its teacher ({best}): there, {_compared(result, best)}."
+        return "good", word, f"{claim}. {tried}{_compared(result, rival)}.{taught}{_left(result)}"
+    script = f"the best script ({best})"
+    word, claim = {
+        "good": ("Better than the best script", f"{result.agent} beats {script}"),
+        "bad": ("Not better than the best script", f"{result.agent} does not beat {script}"),
+        "open": ("Undecided", f"Whether {result.agent} beats {script} is open"),
+    }[kind]
+    return kind, word, f"{claim}. {tried}{_compared(result, best)}.{_left(result)}"
+
+
+def _difference(result: TrainingResult, script: str) -> Mapping[str, Any]:
+    difference = result.difference(script, "return")
+    assert difference is not None, "a TrainingResult refuses to be without"
+    return difference
+
+
+def _outcome(difference: Mapping[str, Any]) -> str:
+    """Return what a paired difference says: good, bad or open."""
+    return "good" if difference["low_95"] > 0.0 else "bad" if difference["high_95"] < 0.0 else "open"
+
+
+def _compared(result: TrainingResult, script: str) -> str:
+    """Return the paired differences of return and success from a script, in words."""
+    difference = _difference(result, script)
+    mean, low, high = (float(difference[name]) for name in ("mean", "low_95", "high_95"))
+    words = {
+        "good": f"is higher by {_interval(mean, low, high)}",
+        "bad": f"is lower by {_interval(-mean, -high, -low)}",
+        "open": f"differs by {_interval(mean, low, high)}, an interval that holds 0",
+    }
+    return f"its return {words[_outcome(difference)]}{_succeeded(result, script)}"
+
+
+def _interval(mean: float, low: float, high: float) -> str:
+    """Return a paired difference in words, with as many digits as keep the interval's ends apart from 0."""
+    digits = next((n for n in range(2, 7) if all(round(end, n) for end in (low, high) if end)), 7)
+    return f"{number(mean, digits)} (95\u00a0% interval {number(low, digits)} to {number(high, digits)})"
+
+
+def _succeeded(result: TrainingResult, script: str) -> str:
+    """Return how much more or less often the agent succeeds than a script, where that is known."""
+    difference = result.difference(script, "success")
+    if difference is None:
+        return ""
+    how, sign = ("more", 100.0) if difference["mean"] >= 0.0 else ("less", -100.0)
+    mean, *ends = (sign * float(difference[name]) for name in ("mean", "low_95", "high_95"))
+    low, high = (number(end, 1) for end in sorted(ends))
+    return f"; it succeeds {number(mean, 1)} points {how} often (95\u00a0% interval {low} to {high})"
+
+
+def _left(result: TrainingResult) -> str:
+    """Return a sentence on the gap to the bound; "" without a bound."""
+    if result.bound is None:
+        return ""
+    own, most = (float(result.score(policy, "return")["mean"]) for policy in (result.agent, result.bound))
+    if own >= most:
+        return f" Nothing is left to the upper bound ({result.bound}), which gets {number(most, 2)}."
+    gap = f"{number(own, 2)} against {number(most, 2)}"
+    return f" The gap to the upper bound ({result.bound}) is {number(most - own, 2)}: {gap}."
+
+
+def _stronger_scripts(result: TrainingResult) -> list[str]:
+    """Return other policies that got more than the script named in the headline."""
+    others = [policy for policy in result.policies if result.role(policy) == "other"]
+    least = result.score(result.best_script, "return")["mean"]
+    return [policy for policy in others if result.score(policy, "return")["mean"] > least]
+
+
+def _heads(columns: Sequence[Score]) -> list[str | tuple[str, str]]:
+    return [(column.heading, column.unit) if column.unit else column.heading for column in columns]
+
+
+def _shown(row_of: Callable[[str, str], Mapping[str, Any] | None], policy: str, columns: Sequence[Score]) -> list[str]:
+    """Return a policy's means with their intervals, or a dash where a score has none."""
+    cells = []
+    for column in columns:
+        row = row_of(policy, column.name)
+        mean, low, high = (column.factor * row[name] if row else 0.0 for name in ("mean", "low_95", "high_95"))
+        if column.unit == "%":  # a normal interval of a share may reach beyond 0 or 100 %
+            low, high = max(low, 0.0), min(high, 100.0)
+        cells.append(estimate_text(mean, low, high, column.digits) if row else "\u2013")
+    return cells
+
+
+def _decision(result: TrainingResult, baseline: str) -> str:
+    row = result.difference(baseline, "return")
+    if row is None:
+        return "not compared"
+    return {"good": "better", "bad": "worse", "open": "undecided"}[_outcome(row)]
+
+
+def _costs(result: TrainingResult) -> dict[str, Any]:
+    """Return the terms of the reward that cost something, the largest first, their bars, and all terms as numbers."""
+    policies = result.compared()
+    costs = [term for term in result.terms() if term not in GAINS]
+    largest = {term: max(result.bar(policy, f"reward_{term}", -1.0).mean for policy in policies) for term in costs}
+    shown = [term for term in sorted(costs, key=lambda term: -largest[term]) if largest[term] >= _SHOWN_COST]
+    unpaid = [term for term in costs if term not in shown]
+    bars = [[result.bar(policy, f"reward_{term}", -1.0) for term in shown] for policy in policies]
+    earned = [term for term in result.terms() if term in GAINS]
+    terms = [(_title(term), Score(f"reward_{term}", "", "", 3)) for term in (*earned, *shown, *unpaid)]
+    terms.append(("return", Score("return", "", "", 3)))
+    return {
+        "costs": [_title(term) for term in shown],
+        "unpaid": [_title(term) for term in unpaid],
+        "cost_bars": bars,
+        "dearest": [f"{own[0].policy} {own[0].mean:.2f}" for own in bars if own],
+        "terms": [(title, [_shown(result.score, p, [score])[0] for p in policies]) for title, score in terms],
+    }
+
+
+def _title(term: str) -> str:
+    """Return what a term of the reward is called on pages."""
+    title: str = term_meanings()[term]
+    return title
+
+
+def grid_shade(means: Sequence[float], mean: float) -> str:
+    """Return the colours of a cell among those of all cells, as a style."""
+    lowest, best = min(means), max(means)
+    share = (mean - lowest) / (best - lowest) if best > lowest else 0.0
+    colour = [round(pale + share * (deep - pale)) for pale, deep in zip(_PALE, _DEEP, strict=True)]
+    ink = "#fff" if _luminance(colour) < 0.179 else "#000"  # where both have the same contrast
+    return f"background:#{bytes(colour).hex()};color:{ink}"
+
+
+def _luminance(colour: Sequence[int]) -> float:
+    """Return the relative luminance of an sRGB colour, as defined by WCAG 2."""
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in (v / 255.0 for v in colour)]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]

@@ -1,0 +1,381 @@
+"""Milliseconds of a cut that a hand leads.
+
+One function for each task, compiled for Python and for the browser.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from cutenv._base.arrays import Array, Struct, StructArray
+from cutenv._engine.declared import Declaration, compiled_for
+from cutenv._engine.jit import njit, njit_inline
+from cutenv.envs.depth_cut import DepthCutEnv
+from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.envs.path_cut import PathCutEnv
+from cutenv.people.play.devices import ScriptedDevice, watching_hand
+from cutenv.people.play.hand_model import PLAYED_HAND, descent_toward, speed_over, steered_toward
+from cutenv.records.scoring.cut_map import LINE_KEY
+from cutenv.sim.cutting.drive import Hand
+from cutenv.sim.cutting.dtypes import READING, TICK
+from cutenv.sim.cutting.motion import NOTHING
+from cutenv.sim.plant.protocol import recorded_trace
+from cutenv.sim.tissue.drawn_lines import kind_of
+from cutenv.sim.tissue.grid import depth_below
+from cutenv.sim.tissue.slab import SLAB
+from cutenv.sim.trace import Trace
+from cutenv.task.declare import GENTLE_CUT, OneCut, Task
+from cutenv.task.depth import DEPTH_CUT
+from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE, speed_action
+from cutenv.task.path import PATH_CUT, TURN_SCALE
+from cutenv.task.stepper import step_one
+
+_LATERAL = [each.name for each in PATH_CUT.all_components].index("lateral")
+_NEWTONS = PATH_CUT.all_components[_LATERAL].scale
+
+
+class LeadingHand(NamedTuple):
+    """Constants of the hand that leads a cut."""
+
+    lag: float
+    """[s]."""
+    acceleration: float
+    """[m/s2]."""
+    start: float
+    """Level of the blade at the start [m]."""
+
+
+@njit_inline
+def lead_along(cut: Struct, stylus: Array, hand: LeadingHand, actions: Array) -> None:
+    """Fill an action with that of a hand along the cut."""
+    actions[0] = speed_action(speed_over(stylus[0] - cut.states[0].hand, hand.lag, hand.acceleration))
+
+
+@njit_inline
+def lead_deep(cut: Struct, stylus: Array, hand: LeadingHand, actions: Array) -> None:
+    """Fill an action with that of a hand along the cut, which brings the blade to a level above the start [m]."""
+    lead_along(cut, stylus, hand, actions)
+    actions[2] = descent_toward(cut.motions[0].level, hand.start + stylus[2])
+
+
+@njit_inline
+def lead_in_plane(cut: Struct, stylus: Array, hand: LeadingHand, actions: Array) -> None:
+    """Fill an action with that of a hand over the slab."""
+    speed, turn = steered_toward(cut.states[0], cut.motions[0], (stylus[0], stylus[2]), hand.lag, hand.acceleration)
+    actions[0], actions[2] = speed_action(speed), speed_action(turn * (SPEED_SCALE / TURN_SCALE))
+
+
+@njit_inline
+def note_level(cut: Struct, across: float, observation: StructArray, channels: Array, i: int) -> None:
+    """Note level of the blade [m] and vertical force [N]."""
+    channels[0, i], channels[1, i] = cut.motions[0].level, across
+
+
+@njit_inline
+def note_place(cut: Struct, across: float, observation: StructArray, channels: Array, i: int) -> None:
+    """Note place of the blade [m] and lateral force as measured [N]."""
+    channels[0, i], channels[1, i] = cut.states[0].blade + cut.motions[0].east, cut.motions[0].north
+    channels[2, i] = _NEWTONS * float(observation[_LATERAL])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LedTask(Declaration):
+    """A task that a hand leads."""
+
+    place: str
+    """Module and name of this object, "package.module:NAME"."""
+    task: Task
+    lead: Callable[..., None]
+    """Fill speed and third action: takes the cut, numbers of the stylus, the hand, an action."""
+    note: Callable[..., None] | None = None
+    """Note further channels of a record at a reading."""
+
+
+LED_ALONG = LedTask(place=f"{__name__}:LED_ALONG", task=GENTLE_CUT, lead=lead_along)
+LED_DEEP = LedTask(place=f"{__name__}:LED_DEEP", task=DEPTH_CUT, lead=lead_deep, note=note_level)
+LED_IN_PLANE = LedTask(place=f"{__name__}:LED_IN_PLANE", task=PATH_CUT, lead=lead_in_plane, note=note_place)
+
+
+@compiled_for(njit)
+def follow_hand(led: LedTask) -> Callable[..., int]:
+    """Return the function that advances a cut under a hand."""
+    step, lead, note, numbers = step_one(led.task), led.lead, led.note, len(led.task.action_names)
+
+    def follow_hand(
+        one: OneCut,
+        stylus: Array,
+        hand: LeadingHand,
+        memory: tuple[Array, StructArray, Array],
+        filled: tuple[StructArray, Array, Array],
+    ) -> int:
+        """Advance one cut by a millisecond for each place of a person's hand, until it ends; return their number.
+
+        Parameters
+        ----------
+        one : OneCut
+            The cut, changed in place.
+        stylus : array, shape (n, k)
+            Wanted position of the hand [m], angle of the blade [rad], level above ``start`` or place across [m].
+        hand : LeadingHand
+            Constants of the hand.
+        memory : tuple of array, shape (1, k), (1, components) float32, (1,)
+            Memory of the calls: action, observation, force across the cut.
+        filled : tuple of Records and arrays, shape (n, 1), (m, n), (2,)
+            :data:`~cutenv.sim.cutting.dtypes.READING`, and further channels of a record, filled up to the end.
+            Outcome: index of the end in :attr:`~cutenv.task.declare.Task.ends`, 0 before it; 1 for a success.
+        """
+        actions, observations, across = memory
+        readings, channels, outcome = filled
+        done = end = 0
+        ticks = np.int64(1)  # as Python gives it: the step would be compiled again for a number that is known
+        for i in range(len(stylus)):
+            lead(one.cut[0], stylus[i], hand, actions[0])
+            actions[0, 1] = (stylus[i, 1] - ANGLE_CENTRE) / ANGLE_SCALE
+            for k in range(numbers):  # an action is of single precision, as an agent's
+                actions[0, k] = min(max(float(np.float32(actions[0, k])), -1.0), 1.0)
+            done = i + 1
+            end = step(one.cut, one.shared, one.episode, ticks, actions[0], observations[0], readings[i:done], across)[
+                1
+            ]
+            if note is not None:
+                note(one.cut[0], across[0], observations[0], channels, i)
+            if end != 0:
+                break
+        outcome[0] = end
+        outcome[1] = 1.0 if end != 0 and one.episode[0].wholes[0].success == 1 else 0.0
+        return done
+
+    return follow_hand
+
+
+class HandCut:
+    """Cut by a person's hand that is given as positions and angles: what the page simulates, in Python.
+
+    It is the cut of :class:`cutenv.people.play.PlayedCut` with the same key, without its window's needs.
+
+    Parameters
+    ----------
+    specimen_class : str
+        "uniform", "liver", "vascular" or "mixed".
+    seed, episode : int
+        Key of specimen, target and noise.
+    target_length : float, optional
+        Length of the cut [m]; drawn from 0.060 to 0.100 by default.
+    deadline : float
+        Time for the cut [s].
+    hand : Hand
+        Coupling between the person and the blade.
+    **task
+        Further arguments of the environment.
+
+    Attributes
+    ----------
+    end : str
+        Cause of the end, one of the environment's ends; empty while the cut goes on.
+    success : bool
+        True once the cut has ended in success.
+    """
+
+    environment: type[GentleCutEnv] = GentleCutEnv
+    """Environment whose episode it is."""
+    led: ClassVar[LedTask] = LED_ALONG
+    """Its task, and how the hand leads it."""
+    channel_fields: ClassVar[tuple[str, ...]] = ()
+    """Fields of a trace that its law fills besides the readings."""
+    shared: ClassVar[np.dtype[Any]] = NOTHING
+    """Part of what all cuts of the task share that its law needs."""
+    third: ClassVar[str] = ""
+    """Way of the hand besides position and angle: "level", "across" or none."""
+
+    def __init__(
+        self,
+        *,
+        specimen_class: str = "liver",
+        seed: int = 0,
+        episode: int = 0,
+        target_length: float | None = None,
+        deadline: float = 30.0,
+        hand: Hand = PLAYED_HAND,
+        **task: Any,
+    ) -> None:
+        self._env = self.environment(
+            specimen_class=specimen_class,
+            target_length=target_length,
+            deadline_s=deadline,
+            control_hz=round(1.0 / TICK),
+            drive="hand",
+            **dataclasses.asdict(hand),
+            **task,
+        )
+        self._env.reset(seed=seed, options={"episode": episode})
+        self.hand = hand
+        self.end, self.success = "", False
+        numbers, components = len(self.led.task.action_names), len(self.led.task.all_components)
+        self._start = 0.0
+        self._memory = np.zeros((1, numbers)), np.zeros((1, components), np.float32), np.zeros(1)
+        self._channels: list[Array] = []
+
+    @property
+    def specimen_words(self) -> str:
+        """Class of the specimen, and name of its tissue where that is not the measured pig liver."""
+        return self._env.tissue.words(self._env.specimen_class)
+
+    @property
+    def cutting(self) -> Any:
+        """Episode of this cut."""
+        return self._env.cutting
+
+    @property
+    def cuts(self) -> StructArray:
+        """State of tissue, blade, drive and sensor, :attr:`~cutenv.sim.cutting.motion.Motion.cut`, shape (1,)."""
+        return self._env.plant.cuts
+
+    @property
+    def episodes(self) -> StructArray:
+        """State of the task, :attr:`~cutenv.task.declare.Task.episode`, shape (1,)."""
+        return self._env.cutting.record
+
+    @property
+    def records(self) -> dict[str, StructArray]:
+        """Records of its whole state by name, in the order in which its law takes them, each of shape (1,)."""
+        return {"cut": self.cuts, "episode": self.episodes}
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """Notes of a record that are known at the start, by key of its metadata: wanted depth or line."""
+        return {}
+
+    @property
+    def channels(self) -> Array:
+        """Fields of the trace besides the readings, :attr:`channel_fields`, at every reading so far, shape (k, n)."""
+        return np.concatenate([np.zeros((len(self.channel_fields), 0)), *self._channels], axis=1)
+
+    @property
+    def target_length(self) -> float:
+        """Target length [m]."""
+        return self._env.cutting.target_length
+
+    @property
+    def measured_depth(self) -> Array:
+        """Depth of cut along the line as measured beforehand, shape (301,) [m]: that of the record."""
+        return self._env.plant.depth
+
+    @property
+    def noted(self) -> dict[str, Any]:
+        """Notes of a record on another task than gentle cutting, by key of its metadata: environment, errors, map."""
+        noted: dict[str, Any] = self.cutting.noted_map
+        return noted and {"environment": self.led.task.environment, **noted}
+
+    def watching_hand(self) -> ScriptedDevice:
+        """Return a scripted hand for this cut, which sees the tip."""
+        return watching_hand(self._tip, self.target_length)
+
+    def _tip(self) -> float:
+        return float(self._env.plant.states["tip"][0])
+
+    def follow(self, stylus: Any) -> StructArray:
+        """Advance by a millisecond for each row of ``stylus``, until the cut ends; return the readings.
+
+        Parameters
+        ----------
+        stylus : array_like, shape (n, 2)
+            Wanted position of the hand, from the clamp [m], and angle of the blade [rad].
+        """
+        # A copy, for an array that cannot be written to would have the step compiled again.
+        places = np.array(stylus, np.float64, order="C").reshape(-1, len(self.led.task.action_names))
+        readings, outcome = np.zeros((len(places), 1), READING), np.zeros(2)
+        if self.end:
+            return readings[:0, 0]
+        channels = np.zeros((len(self.channel_fields), len(places)))
+        done: int = follow_hand(self.led)(
+            OneCut(self.cuts, self.cutting.shared, self.episodes), places,
+            LeadingHand(self.hand.motor_lag, self.hand.acceleration, self._start), self._memory,
+            (readings, channels, outcome),
+        )  # fmt: skip
+        self._channels.append(channels[:, :done])
+        self.end, self.success = self.led.task.ends[int(outcome[0])], bool(outcome[1])
+        return readings[:done, 0]
+
+    def trace(self, readings: StructArray, **metadata: object) -> Trace:
+        """Return all readings of this cut, shape (n,), as a rig would have recorded them.
+
+        Raises
+        ------
+        ValueError
+            If there are fewer than two.
+        """
+        trace = recorded_trace(readings, self.measured_depth, **metadata)
+        channels = zip(self.channel_fields, self.channels.copy(), strict=True)
+        return dataclasses.replace(trace, **dict(channels))
+
+
+class HandDepthCut(HandCut):
+    """Cut by a person's hand along a wanted depth.
+
+    Its third number is the level above that at the start [m].
+    """
+
+    environment = DepthCutEnv
+    led = LED_DEEP
+    shared = np.dtype((np.record, [("slab", [(name, SLAB[name]) for name in ("ratio", "share")], (1,))]))
+    channel_fields = ("height", "vertical_force")
+    third = "level"
+
+    def __init__(self, **keywords: Any) -> None:
+        super().__init__(**keywords)
+        self._start = float(self.cutting.motion["level"][0])
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """Wanted depth and layer below, by key of a record's metadata."""
+        facts: dict[str, Any] = self.cutting.given_depth
+        return facts
+
+    def watching_hand(self) -> ScriptedDevice:
+        """Return a scripted hand that sees the tip and keeps the blade at the wanted depth."""
+        wanted = self.cutting.shown_depth.wanted
+        return watching_hand(
+            self._tip, self.target_length, level=lambda place: float(depth_below(wanted, place)) - self._start
+        )
+
+
+class HandPathCut(HandCut):
+    """Cut by a person's hand along a drawn line.
+
+    Its third number is the place across, to the left [m].
+
+    Parameters
+    ----------
+    line : str
+        Kind of line, as of :class:`~cutenv.envs.path_cut.PathCutEnv`.
+    **keywords
+        Those of :class:`HandCut`.
+    """
+
+    environment = PathCutEnv
+    led = LED_IN_PLANE
+    channel_fields = ("blade_x", "blade_y", "lateral_force")
+    third = "across"
+
+    def __init__(self, *, line: str = "mixed", **keywords: Any) -> None:
+        super().__init__(line=line, **keywords)
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """Line to cut along, by key of a record's metadata."""
+        return {LINE_KEY: self.cutting.noted_map[LINE_KEY]}
+
+    def watching_hand(self) -> ScriptedDevice:
+        """Return a scripted hand that sees the tip and goes along the line."""
+        return watching_hand(self._tip, self.target_length, line=self.cutting.line)
+
+    @property
+    def noted(self) -> dict[str, Any]:
+        """Notes of a record on this cut, by key of its metadata: environment, kind of line, errors, line, cut."""
+        line = kind_of(int(self.cutting.whole["line"][0]))
+        return {"environment": PATH_CUT.environment, "line": line, **self.cutting.noted_map}

@@ -1,0 +1,643 @@
+"""Database of a class, beside its records: codes, groups, consents, cuts, marks, who is signed in."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import secrets
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from typing import Any, NamedTuple
+
+from sqlalchemy import (
+    Connection,
+    Engine,
+    create_engine,
+    delete,
+    event,
+    func,
+    insert,
+    inspect,
+    select,
+    text,
+    update,
+)
+from sqlalchemy.exc import DatabaseError, IntegrityError
+
+from cutenv._base.validation import in_range
+from cutenv.people.classroom.class_tables import (
+    BACKED_UP,
+    BROKEN_OFF,
+    CLASS_METADATA,
+    CLASS_PLACES,
+    COMMENTS,
+    CUTS,
+    GOING_ON,
+    INDEXES,
+    LEFT,
+    OPEN,
+    PASS_MARKS,
+    PEOPLE,
+    PREPARED,
+    SAVED,
+    SESSIONS,
+    TAKEN_BACK,
+    TRIAL,
+    UNFINISHED,
+)
+from cutenv.records.provenance import check_operator
+from cutenv.records.scoring.score_card import whole_score
+
+LONGEST_COMMENT = 500
+"""Most characters of a comment."""
+PLACE_NAME = re.compile(r"[^\W_][\w .+-]{0,31}")
+"""Names of classes and groups, and keys of courses."""
+_TRIES = 100  # of handing out a cut, while other servers are quicker
+_SESSION, _IDLE, _NOTED = timedelta(hours=12), timedelta(minutes=15), timedelta(minutes=1)
+_TEACHER = "teacher "  # no code begins so
+_LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ"  # no I and no O, which look like digits
+
+
+class Place(NamedTuple):
+    """Place of a person: class, group in studies, and key of a further course; "" if there is none."""
+
+    class_name: str = ""
+    group: str = ""
+    course: str = ""
+
+
+class MarkInForce(NamedTuple):
+    """Pass mark of the overall score that a teacher has put into force: its source in words, and since when."""
+
+    mark: float
+    source: str
+    since: str
+
+
+class Comment(NamedTuple):
+    """Comment of the teacher to a person, and when it was written (UTC)."""
+
+    id: str
+    written: str
+    said: str
+
+
+class NewCut(NamedTuple):
+    """Cut to hand out: its specimen, as in :class:`HandedOutCut`, its course and task, and a digest of the task."""
+
+    specimen_class: str
+    seed: int
+    target_length: float | None = None
+    course: str = ""
+    task: str = ""
+    terms: str = ""
+
+
+class HandedOutCut(NamedTuple):
+    """One cut that was handed out, the ``nth`` of its person.
+
+    ``target_length`` [m] is None if it is drawn, ``begun`` (UTC) "" before, ``score`` None without one, ``numbers``
+    (:func:`~cutenv.people.play.course.marked_numbers`) None where they were not noted, ``stalled`` what its page lost
+    [s]. An ``example`` is shown beside replays of the same specimen.
+    """
+
+    id: str
+    code: str
+    nth: int
+    specimen_class: str
+    seed: int
+    target_length: float | None
+    course: str
+    task: str
+    terms: str
+    handed_out: str
+    begun: str
+    state: str
+    record: str
+    outcome: str
+    score: int | None
+    reason: str
+    ended: str
+    numbers: Mapping[str, float] | None
+    stalled: float
+    example: bool
+
+
+class SeenMovements(ValueError):
+    """Movements that are those of a cut in the class, bit for bit."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CutEnd:
+    """End of a cut.
+
+    Attributes
+    ----------
+    state : str
+        :data:`SAVED` or :data:`FOREIGN` with the name of its record, :data:`REFUSED` or :data:`TAKEN_BACK`.
+    record, outcome : str
+        Name of the record, and outcome in a few words.
+    score : float, optional
+        Overall score.
+    reason : str
+        Reason for which it was refused, or has no score.
+    ended : str
+        How the task ended, such as "finished".
+    numbers : mapping of str to float
+        Numbers that a mark may limit.
+    movements : str, optional
+        SHA-256 of the movements.
+    stalled : float
+        Time lost by the page [s].
+    """
+
+    state: str
+    record: str = ""
+    outcome: str = ""
+    score: float | None = None
+    reason: str = ""
+    ended: str = ""
+    numbers: Mapping[str, float] = field(default_factory=dict)
+    movements: str | None = None
+    stalled: float = 0.0
+
+    @property
+    def columns(self) -> dict[str, Any]:
+        """Values of the table's columns."""
+        whole = None if self.score is None else whole_score(self.score)
+        kept = {"record": self.record, "outcome": self.outcome[:200], "score": whole, "reason": self.reason[:500]}
+        made = {"ended": self.ended[:32], "numbers": json.dumps(dict(self.numbers)), "movements": self.movements}
+        return {"state": self.state, **kept, **made, "stalled_ms": round(1e3 * self.stalled)}
+
+
+class ClassStore:
+    """Database of one class.
+
+    Parameters
+    ----------
+    url : str
+        Address as SQLAlchemy has it: ``sqlite:///class.db``, ``postgresql+psycopg://...``.
+    clock : callable
+        Returns the present time, UTC.
+
+    Attributes
+    ----------
+    engine : sqlalchemy.Engine
+        Its connections.
+    clock : callable
+        As above.
+
+    Raises
+    ------
+    sqlalchemy.exc.SQLAlchemyError
+        If it cannot be opened.
+    """
+
+    def __init__(self, url: str, clock: Callable[[], datetime] = lambda: datetime.now(UTC)) -> None:
+        self.engine: Engine = create_engine(url)
+        self.clock = clock
+        if self.engine.dialect.name == "sqlite":
+            event.listen(self.engine, "connect", _prepare_sqlite)
+        try:
+            self._lay_out()
+        except DatabaseError:  # two servers begin at once, and the other one has laid it out
+            self._lay_out()
+
+    def _lay_out(self) -> None:
+        """Make the tables that are not there, and add to those of an earlier version what they lack."""
+        CLASS_METADATA.create_all(self.engine)
+        with self._transaction() as connection:
+            for table in (CUTS, SESSIONS, CLASS_PLACES):
+                there = {column["name"] for column in inspect(connection).get_columns(table.name)}
+                for column in (column for column in table.columns if column.name not in there):
+                    kind = column.type.compile(self.engine.dialect)
+                    connection.execute(text(f"ALTER TABLE {table.name} ADD COLUMN {column.name} {kind}"))
+            _number(connection)
+            for index in INDEXES:
+                index.create(connection, checkfirst=True)
+
+    def _now(self) -> str:
+        return _written(self.clock())
+
+    def close(self) -> None:
+        """Close all connections."""
+        self.engine.dispose()
+
+    @contextmanager
+    def _transaction(self) -> Iterator[Connection]:
+        with self.engine.begin() as connection:
+            yield connection
+
+    # People
+
+    def add_codes(self, count: int) -> list[str]:
+        """Add ``count`` new codes, such as "KRT48213", and return them; they are drawn, so nobody guesses them."""
+        made: list[str] = []
+        while len(made) < count:
+            code = "".join(secrets.choice(_LETTERS) for _ in range(3)) + f"{secrets.randbelow(10**6):06d}"
+            if self.add_code(code):
+                made.append(code)
+        return made
+
+    def add_code(self, code: str) -> bool:
+        """Add a code of one's own; return False if it is there already.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If it may identify a person.
+        """
+        check_operator(code)
+        try:
+            with self._transaction() as connection:
+                connection.execute(insert(PEOPLE).values(code=code, created=self._now()))
+        except IntegrityError:
+            return False
+        return True
+
+    def codes(self) -> list[tuple[str, bool]]:
+        """Return all codes of people in order, and whether they consented."""
+        with self._transaction() as connection:
+            everybody = select(PEOPLE).where(PEOPLE.c.code != TRIAL)
+            rows = connection.execute(everybody.order_by(PEOPLE.c.created, PEOPLE.c.code)).all()
+        return [(row.code, row.consented is not None) for row in rows]
+
+    def knows(self, code: str) -> bool:
+        """Return whether there is such a code."""
+        with self._transaction() as connection:
+            return connection.execute(select(PEOPLE.c.code).where(PEOPLE.c.code == code)).first() is not None
+
+    def consent(self, code: str) -> None:
+        """Note that the person agreed to what is stored."""
+        with self._transaction() as connection:
+            connection.execute(update(PEOPLE).where(PEOPLE.c.code == code).values(consented=self._now()))
+
+    def delete(self, code: str) -> bool:
+        """Delete a person: code, sessions and cuts; return False if there was none. The records are the caller's."""
+        if not self.knows(code):
+            return False
+        with self._transaction() as connection:
+            for table in (CUTS, CLASS_PLACES, COMMENTS, SESSIONS):
+                connection.execute(delete(table).where(table.c.code == code))
+            return connection.execute(delete(PEOPLE).where(PEOPLE.c.code == code)).rowcount > 0
+
+    def places(self, code: str | None = None) -> dict[str, Place]:
+        """Return the place of everybody, or of one person, who has one, by code."""
+        wanted = select(CLASS_PLACES)
+        with self._transaction() as connection:
+            rows = connection.execute(wanted if code is None else wanted.where(CLASS_PLACES.c.code == code)).all()
+        return {row.code: Place(row.class_name, row.group_name, row.course or "") for row in rows}
+
+    def put(
+        self,
+        codes: Sequence[str],
+        *,
+        class_name: str | None = None,
+        group: str | None = None,
+        course: str | None = None,
+    ) -> None:
+        """Put people into a class, a group, a further course; None leaves what is there, "" takes them out.
+
+        Raises
+        ------
+        ValueError
+            If a name is not 1 to 32 letters, digits and blanks, beginning with a letter or digit.
+        """
+        for what, name in (("class", class_name), ("group", group), ("course", course)):
+            if name and not PLACE_NAME.fullmatch(name):
+                raise ValueError(f"{what} {name!r} is no name: give up to 32 letters, digits and blanks, such as 2b.")
+        there = self.places()
+        with self._transaction() as connection:
+            known = {row.code for row in connection.execute(select(PEOPLE.c.code))}
+            for code in (each for each in codes if each in known):
+                old = there.get(code, Place())
+                new = {
+                    "class_name": old.class_name if class_name is None else class_name,
+                    "group_name": old.group if group is None else group,
+                    "course": old.course if course is None else course,
+                }
+                connection.execute(delete(CLASS_PLACES).where(CLASS_PLACES.c.code == code))
+                if any(new.values()):
+                    connection.execute(insert(CLASS_PLACES).values(code=code, **new))
+
+    # Comments
+
+    def comment(self, code: str, said: str) -> None:
+        """Keep a comment of the teacher to a person.
+
+        Raises
+        ------
+        LookupError
+            If there is no such person.
+        ValueError
+            If it is empty, or longer than 500 characters.
+        """
+        if not self.knows(code):
+            raise LookupError("There is no such code.")
+        said = said.strip()
+        if not 1 <= len(said) <= LONGEST_COMMENT:
+            raise ValueError(f"A comment has 1 to {LONGEST_COMMENT} characters; this one has {len(said)}.")
+        values = {"id": secrets.token_hex(16), "code": code, "written": self._now(), "said": said}
+        with self._transaction() as connection:
+            connection.execute(insert(COMMENTS).values(**values))
+
+    def comments(self, code: str) -> list[Comment]:
+        """Return the comments to a person, the newest first."""
+        mine = select(COMMENTS).where(COMMENTS.c.code == code).order_by(COMMENTS.c.written.desc(), COMMENTS.c.id)
+        with self._transaction() as connection:
+            return [Comment(row.id, row.written, row.said) for row in connection.execute(mine)]
+
+    def take_back(self, number: str, code: str) -> None:
+        """Delete a comment to a person."""
+        mine = (COMMENTS.c.id == number) & (COMMENTS.c.code == code)
+        with self._transaction() as connection:
+            connection.execute(delete(COMMENTS).where(mine))
+
+    # Pass marks
+
+    def pass_mark(self, course: str) -> MarkInForce | None:
+        """Return the pass mark in force for a course ("" without one), or None."""
+        with self._transaction() as connection:
+            row = connection.execute(select(PASS_MARKS).where(PASS_MARKS.c.course == course)).first()
+        return None if row is None else MarkInForce(row.tenths / 10, row.source, row.since)
+
+    def set_pass_mark(self, course: str, mark: float | None, source: str = "") -> None:
+        """Put a pass mark of the overall score into force for a course, or with None withdraw it.
+
+        Raises
+        ------
+        ValueError
+            If it is outside 0 to 100.
+        """
+        if mark is not None:
+            in_range("mark", mark, 0.0, 100.0, "1", "Give an overall score, such as 60.")
+        with self._transaction() as connection:
+            connection.execute(delete(PASS_MARKS).where(PASS_MARKS.c.course == course))
+            if mark is not None:
+                row = {"course": course, "tenths": round(10 * mark), "source": source[:200], "since": self._now()}
+                connection.execute(insert(PASS_MARKS).values(**row))
+
+    # Sessions
+
+    def sign_in(self, code: str) -> str:
+        """Return a new token of a person, or of a :func:`teacher_of` a server; only its hash is stored."""
+        token, now = secrets.token_urlsafe(32), self.clock()
+        values = {"expires": _written(now + _SESSION), "seen": _written(now)}
+        with self._transaction() as connection:
+            connection.execute(delete(SESSIONS).where(SESSIONS.c.expires < self._now()))
+            connection.execute(insert(SESSIONS).values(token_hash=_hash(token), code=code, **values))
+        return token
+
+    def signed_in(self, token: str) -> str | None:
+        """Return whose token it is; None if it is nobody's or too old, or its person has not been seen for long."""
+        now = self.clock()
+        with self._transaction() as connection:
+            row = connection.execute(select(SESSIONS).where(SESSIONS.c.token_hash == _hash(token))).first()
+            if row is None or row.expires < _written(now):
+                return None
+            if not row.code.startswith(_TEACHER) and (row.seen or "") < _written(now - _IDLE):
+                return None
+            if (row.seen or "") < _written(now - _NOTED):
+                mine = SESSIONS.c.token_hash == row.token_hash
+                connection.execute(update(SESSIONS).where(mine).values(seen=_written(now)))
+        return str(row.code)
+
+    def present(self) -> dict[str, str]:
+        """Return when everybody who is signed in was last seen (UTC, to a minute), by code."""
+        now = self.clock()
+        here = (SESSIONS.c.expires >= _written(now)) & (SESSIONS.c.seen >= _written(now - _IDLE))
+        seen = select(SESSIONS.c.code, func.max(SESSIONS.c.seen).label("seen")).where(here).group_by(SESSIONS.c.code)
+        with self._transaction() as connection:
+            return {row.code: row.seen for row in connection.execute(seen)}
+
+    def sign_out(self, token: str) -> None:
+        """Forget a token."""
+        with self._transaction() as connection:
+            connection.execute(delete(SESSIONS).where(SESSIONS.c.token_hash == _hash(token)))
+
+    def sign_out_everywhere(self, code: str) -> None:
+        """Forget every token of a person, or of a :func:`teacher_of` a server."""
+        with self._transaction() as connection:
+            connection.execute(delete(SESSIONS).where(SESSIONS.c.code == code))
+
+    # Cuts
+
+    def hand_out(self, code: str, chosen: Callable[[Sequence[HandedOutCut]], NewCut | None]) -> HandedOutCut | None:
+        """Hand out a person's next cut, while other servers may do the same: all get the same one.
+
+        One that was prepared on the same terms is handed out again, one on other terms taken back.  One that was begun
+        is left, and so given up, except by the end of a server.
+
+        Parameters
+        ----------
+        code : str
+            The person.
+        chosen : callable
+            Returns the next cut from those that have ended, or None if there is none; called again if another server
+            was quicker.
+
+        Raises
+        ------
+        LookupError
+            If there is no such person.
+        """
+        ends = {GOING_ON: LEFT, BROKEN_OFF: UNFINISHED}
+        for _ in range(_TRIES):
+            cuts = self.cuts(code)
+            there = next((cut for cut in cuts if cut.state in OPEN), None)
+            if there is not None and there.state in ends:
+                self._change(there, ends[there.state])
+                continue
+            new = chosen([cut for cut in cuts if cut is not there])
+            if there is not None and new is not None and there.terms == new.terms:
+                return there
+            if there is not None:
+                self._change(there, TAKEN_BACK)
+            elif new is None:
+                return None
+            elif (number := self._insert(code, cuts, new)) is not None:
+                return self.cut(number, code)
+        raise LookupError("No cut can be handed out: this person is deleted, or begins without end.")
+
+    def _change(self, cut: HandedOutCut, state: str) -> None:
+        """Give a cut another state, unless another server has done so."""
+        same = (CUTS.c.id == cut.id) & (CUTS.c.state == cut.state)
+        with self._transaction() as connection:
+            connection.execute(update(CUTS).where(same).values(state=state))
+
+    def _insert(self, code: str, cuts: Sequence[HandedOutCut], new: NewCut) -> str | None:
+        """Add a prepared cut behind those that are known, and return its number; None if there are others by now."""
+        number = secrets.token_hex(16)
+        values = new._asdict()
+        length = values.pop("target_length")
+        values["target_length_um"] = None if length is None else round(1e6 * length)
+        values |= {"id": number, "code": code, "nth": 1 + max((cut.nth for cut in cuts), default=0)}
+        try:
+            with self._transaction() as connection:
+                connection.execute(insert(CUTS).values(**values, handed_out=self._now(), state=PREPARED))
+        except IntegrityError:
+            return None
+        return number
+
+    def begun(self, number: str, code: str) -> bool:
+        """Note that a person has begun a cut; return False, and do nothing, if there is no such cut to begin."""
+        mine = (CUTS.c.id == number) & (CUTS.c.code == code) & (CUTS.c.state == PREPARED)
+        with self._transaction() as connection:
+            changed = update(CUTS).where(mine).values(state=GOING_ON, begun=self._now())
+            return connection.execute(changed).rowcount > 0
+
+    def cut(self, number: str, code: str) -> HandedOutCut:
+        """Return a person's own cut.
+
+        Raises
+        ------
+        LookupError
+            If the person has no such cut.
+        """
+        for cut in self._found(CUTS.c.id == number, CUTS.c.code == code):
+            return cut
+        raise LookupError(f"no cut {number!r} was handed out to this person.")
+
+    def finish(self, number: str, end: CutEnd, *, keep: Callable[[], None] = lambda: None) -> bool:
+        """Note how a cut ended.
+
+        Return False, and change nothing, if it is not open, perhaps by another server.  ``keep`` is called otherwise,
+        while no other server can note an end: it puts the record in its place.
+
+        Raises
+        ------
+        SeenMovements
+            If its movements are those of a saved cut in the class; nothing is changed.
+        """
+        goes_on = (CUTS.c.id == number) & CUTS.c.state.in_(OPEN)
+        with self._transaction() as connection:
+            try:
+                ended = connection.execute(update(CUTS).where(goes_on).values(**end.columns)).rowcount > 0
+            except IntegrityError:
+                raise SeenMovements(
+                    "a cut of the class has the same movements, bit for bit: no hand repeats one."
+                ) from None
+            if ended:
+                keep()
+            return ended
+
+    def note(self, number: str, end: CutEnd, course: str) -> None:
+        """Note numbers and course of a cut that an earlier version saved without them."""
+        columns = {name: end.columns[name] for name in ("ended", "numbers")}
+        with self._transaction() as connection:
+            connection.execute(update(CUTS).where(CUTS.c.id == number).values(**columns, course=course))
+
+    def set_example(self, number: str, code: str, shown: bool) -> None:
+        """Let a saved cut be an example or not, in place of another one of the same specimen in the same task.
+
+        Raises
+        ------
+        LookupError
+            If the person has no such saved cut.
+        """
+        cut = self.cut(number, code)
+        if cut.state != SAVED:
+            raise LookupError(f"cut {number!r} is {cut.state}: it has no record.")
+        same = (CUTS.c.terms == cut.terms) & (CUTS.c.specimen_class == cut.specimen_class) & (CUTS.c.seed == cut.seed)
+        with self._transaction() as connection:
+            connection.execute(update(CUTS).where(same).values(example=None))
+            connection.execute(update(CUTS).where(CUTS.c.id == number).values(example=1 if shown else None))
+
+    def add_foreign(self, code: str, end: CutEnd) -> str:
+        """Note a cut that another program recorded; return its number."""
+        for _ in range(_TRIES):
+            number = secrets.token_hex(16)
+            values = dict(id=number, code=code, specimen_class="", seed=0, handed_out=self._now(), **end.columns)
+            try:
+                with self._transaction() as connection:
+                    last = select(func.coalesce(func.max(CUTS.c.nth), 0)).where(CUTS.c.code == code).scalar_subquery()
+                    connection.execute(insert(CUTS).values(**values, nth=last + 1))
+            except IntegrityError:
+                continue  # another server was quicker
+            return number
+        raise LookupError("There is no such code.")
+
+    def cuts(self, code: str | None = None) -> list[HandedOutCut]:
+        """Return the cuts of a person, or of all people, in order."""
+        return list(self._found(CUTS.c.code != TRIAL if code is None else CUTS.c.code == code))
+
+    def content(self) -> dict[str, list[dict[str, Any]]]:
+        """Return everything but the sessions, as rows by table, for a backup."""
+        with self._transaction() as connection:
+            return {
+                table.name: [dict(row) for row in connection.execute(select(table)).mappings()] for table in BACKED_UP
+            }
+
+    def fill(self, content: dict[str, list[dict[str, Any]]]) -> None:
+        """Fill an empty database from :meth:`content`.
+
+        Raises
+        ------
+        ValueError
+            If it is not empty.
+        """
+        with self._transaction() as connection:
+            if connection.execute(select(PEOPLE.c.code)).first() is not None:
+                raise ValueError("the database holds a class already. Restore into a new folder or an empty database.")
+            for table in BACKED_UP:
+                if rows := content.get(table.name):
+                    connection.execute(insert(table), rows)
+            _number(connection)
+
+    def break_off(self) -> int:
+        """Note every cut that goes on as broken off, after a restart; return how many there were."""
+        with self._transaction() as connection:
+            changed = update(CUTS).where(CUTS.c.state == GOING_ON).values(state=BROKEN_OFF)
+            return int(connection.execute(changed).rowcount)
+
+    def _found(self, *conditions: Any) -> Iterator[HandedOutCut]:
+        with self._transaction() as connection:
+            rows: Sequence[Any] = connection.execute(
+                select(CUTS).where(*conditions).order_by(CUTS.c.code, CUTS.c.nth)
+            ).all()
+        for row in rows:
+            length = None if row.target_length_um is None else row.target_length_um / 1e6
+            yield HandedOutCut(
+                row.id, row.code, row.nth, row.specimen_class, row.seed, length, row.course or "", row.task or "",
+                row.terms or "", row.handed_out, row.begun or "", row.state, row.record or "", row.outcome or "",
+                row.score, row.reason or "", row.ended or "",
+                None if row.numbers is None else json.loads(row.numbers), (row.stalled_ms or 0) / 1e3,
+                bool(row.example),
+            )  # fmt: skip
+
+
+def teacher_of(secret: str) -> str:
+    """Return under what name the teacher of a server with this secret is signed in: another secret is another name."""
+    return f"{_TEACHER}{_hash(secret)[:16]}"
+
+
+def _number(connection: Connection) -> None:
+    """Give their numbers to cuts of an earlier version, in the order in which they were handed out."""
+    missing = select(CUTS.c.id, CUTS.c.code).where(CUTS.c.nth.is_(None)).order_by(CUTS.c.handed_out, CUTS.c.id)
+    rows = connection.execute(missing).all()
+    last: dict[str, int] = {}
+    for row in rows:
+        if row.code not in last:
+            known = select(func.coalesce(func.max(CUTS.c.nth), 0)).where(CUTS.c.code == row.code)
+            last[row.code] = int(connection.execute(known).scalar_one())
+        last[row.code] += 1
+        connection.execute(update(CUTS).where(CUTS.c.id == row.id).values(nth=last[row.code]))
+    if rows:  # it knew no course of a cut, and could have two open ones
+        connection.execute(update(CUTS).where(CUTS.c.terms.is_(None) & CUTS.c.state.in_(OPEN)).values(state=UNFINISHED))
+
+
+def _prepare_sqlite(connection: Any, _: Any) -> None:
+    # A write-ahead log lets many read while one writes, and survives a kill; writers wait for each other.
+    for setting in ("journal_mode=WAL", "foreign_keys=ON", "busy_timeout=15000", "synchronous=FULL"):
+        connection.execute(f"PRAGMA {setting}")
+
+
+def _written(moment: datetime) -> str:
+    return moment.astimezone(UTC).isoformat(timespec="microseconds")
+
+
+def _hash(token: str) -> str:
+    return hashlib.sha256(token.encode()).hexdigest()

@@ -1,0 +1,165 @@
+"""Keys of LTI 1.3: that of the class, in its folder, and those of the platforms, which may change at any time.
+
+Tokens are signed and checked by joserfc.  Only RS256 is accepted, which LTI requires: the header of a token can make it
+neither unsigned nor checked with a public key in place of a shared secret.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+import threading
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from datetime import datetime
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from joserfc import jws, jwt
+from joserfc.errors import JoseError
+from joserfc.jwk import RSAKey
+
+from cutenv.people.classroom.lti_platforms import Platform
+from cutenv.people.classroom.lti_requests import PlatformUnreachable, asked_for_json
+
+KEY_FILE = "lti_key.pem"
+"""Name of the file of the class's private key, in its folder."""
+_RS256 = ["RS256"]
+_FEWEST_BITS, _MOST_KEYS = 2048, 50
+_LONGEST_TOKEN = 64 * 1024
+_FRESH, _PAUSE = 3600.0, 10.0  # [s] for which keys hold; between two looks for a key that is not known
+
+
+class BadToken(ValueError):
+    """Token whose signature does not hold, or that is none."""
+
+
+class ToolKey:
+    """Key pair with which the class signs, made at its first use and kept in a file for its own account alone.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._lock = threading.Lock()
+
+    @property
+    def public(self) -> dict[str, Any]:
+        """Public key as a set of keys (JWKS), which platforms ask for."""
+        return {"keys": [self._key.as_dict(private=False, use="sig", alg="RS256")]}
+
+    @cached_property
+    def _key(self) -> RSAKey:
+        with self._lock:
+            if not self.path.exists():
+                made = RSAKey.generate_key(_FEWEST_BITS).as_pem(private=True)
+                with suppress(FileExistsError):  # another server was quicker
+                    handle = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+                    with os.fdopen(handle, "wb") as file:
+                        file.write(made)
+            return self._read()
+
+    def _read(self) -> RSAKey:
+        try:
+            key = RSAKey.import_key(self.path.read_bytes())
+            key.ensure_kid()
+            key.as_dict(private=True)  # refuses a public one
+        except (JoseError, ValueError) as error:
+            raise ValueError(f"{self.path} is no private key ({error}). Delete it: a new one is made.") from None
+        return key
+
+    def signed(self, claims: Mapping[str, Any], audience: str, now: datetime, lasts: int) -> str:
+        """Return claims as a token for an audience, signed, which holds for some seconds and is like no other one."""
+        moment = int(now.timestamp())
+        timed = {"aud": audience, "iat": moment, "exp": moment + lasts, "jti": secrets.token_hex(16)}
+        return jwt.encode({"alg": "RS256", "kid": self._key.kid}, {**claims, **timed}, self._key, _RS256)
+
+    def opened(self, token: str, audience: str, now: datetime) -> dict[str, Any]:
+        """Return the claims of a token of :meth:`signed`; BadToken if it is none, or too old."""
+        claims = verified_claims(token, self._key)
+        if claims.get("aud") != audience or not claims["exp"] > now.timestamp():
+            raise BadToken("it is too old")
+        return claims
+
+
+def verified_claims(token: str, key: RSAKey) -> dict[str, Any]:
+    """Return the claims of a token whose signature, RS256, holds by a key; BadToken otherwise."""
+    try:
+        return jwt.decode(token, key, _RS256).claims
+    except (JoseError, ValueError, TypeError, KeyError, RecursionError) as error:
+        raise BadToken(str(error) or type(error).__name__) from None
+
+
+def unverified_claims(token: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return header and claims of a token without checking its signature; BadToken if it is malformed."""
+    if len(token) > _LONGEST_TOKEN:
+        raise BadToken("it is too long")
+    try:
+        parsed = jws.extract_compact(token.encode())
+        head, claims = parsed.headers(), json.loads(parsed.payload or b"")
+    except (JoseError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+        raise BadToken(str(error) or type(error).__name__) from None
+    if not isinstance(claims, dict):
+        raise BadToken("it has no claims")
+    return head, claims
+
+
+class PlatformKeys:
+    """Public keys of the platforms, asked for when they are needed and remembered for an hour.
+
+    A platform changes its keys whenever it likes: one that is not known is looked for again, but not more often than
+    every ten seconds, so that forged launches cannot flood a platform with requests.
+
+    Parameters
+    ----------
+    clock : callable
+        Returns the time [s].
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._known: dict[str, tuple[float, dict[str, RSAKey], str]] = {}  # when, keys, trouble
+        self._guard = threading.Lock()
+        self._locks: dict[str, threading.Lock] = {}
+
+    def find(self, platform: Platform, kid: str) -> RSAKey | None:
+        """Return a key of a platform, None if it has no such key; PlatformUnreachable if its keys cannot be had."""
+        url = platform.jwks_url
+        with self._guard:
+            lock = self._locks.setdefault(url, threading.Lock())
+        with lock:
+            since, keys, trouble = self._known.get(url, (-_FRESH, {}, ""))
+            age = self._clock() - since
+            if age >= _FRESH or (kid not in keys and age >= _PAUSE):
+                try:
+                    keys, trouble = _keys_of(asked_for_json(url)), ""
+                except PlatformUnreachable as error:
+                    keys, trouble = {} if age >= _FRESH else keys, str(error)
+                self._known[url] = (self._clock(), keys, trouble)
+            if kid not in keys and trouble:
+                raise PlatformUnreachable(trouble)
+            return keys.get(kid)
+
+
+def _keys_of(content: Mapping[str, Any]) -> dict[str, RSAKey]:
+    """Return the keys of a set that may sign, by their identifier; the others are passed over."""
+    given, found = content.get("keys"), {}
+    for each in given[:_MOST_KEYS] if isinstance(given, list) else ():
+        if not isinstance(each, dict) or each.get("kty") != "RSA" or not isinstance(each.get("kid"), str):
+            continue
+        if each.get("use", "sig") != "sig" or each.get("alg", "RS256") != "RS256":
+            continue
+        try:
+            key = RSAKey.import_key({name: each[name] for name in ("kty", "n", "e", "kid")})
+            if key.public_key.key_size >= _FEWEST_BITS:
+                found[each["kid"]] = key
+        except (JoseError, ValueError, TypeError, KeyError):
+            continue  # another key of the set may be sound
+    return found

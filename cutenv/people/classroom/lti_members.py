@@ -1,0 +1,176 @@
+"""Members of a platform's course (LTI Names and Role Provisioning Services 2.0), asked for anew and kept nowhere."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Iterator, Mapping
+from email.message import Message
+from typing import Any, NamedTuple
+from urllib.parse import parse_qsl, urlencode, urljoin, urlsplit
+
+from cutenv.people.classroom.lti_platforms import Platform, checked_address
+from cutenv.people.classroom.lti_requests import PlatformRefused, PlatformUnreachable, asked, json_object, without_query
+from cutenv.people.classroom.lti_tokens import AccessTokens
+
+MEMBERS_SCOPE = "https://purl.imsglobal.org/spec/lti-nrps/scope/contextmembership.readonly"
+"""Scope that the class asks for."""
+MOST_MEMBERS = 2000
+"""Members of a course that are shown; a platform with more is asked no further."""
+_MEDIA_TYPE = "application/vnd.ims.lti-nrps.v2.membershipcontainer+json"
+_ON_A_PAGE, _MOST_PAGES, _WITHIN = 200, 200, 30.0  # members asked for at once; pages; [s] for all of them
+_ROLE = re.compile(r"(?:http://purl\.imsglobal\.org/vocab/lis/v2/membership#)?([A-Za-z]{1,64})")
+_LINK = re.compile(r'<([^<>]*)>((?:\s*;\s*[\w*-]+\s*=\s*(?:"[^"]*"|[^\s",;]+))*)')
+_RELATIONS = re.compile(r';\s*rel\s*=\s*(?:"([^"]*)"|([^\s",;]+))', re.IGNORECASE)
+_LONGEST, _LONGEST_NAME, _MOST_ROLES = 255, 200, 20  # characters of an identifier and of a name; roles that are read
+
+
+class CourseMember(NamedTuple):
+    """Member of a course: the platform's identifier, name ("" if it gives none), roles in the course.
+
+    ``roles`` are the last parts of the platform's identifiers, such as "Learner" and "Instructor".  ``active`` is False
+    of one who may not open the course now.
+    """
+
+    subject: str
+    name: str
+    roles: tuple[str, ...]
+    active: bool
+
+    @property
+    def learns(self) -> bool:
+        """True of an active learner, of whom cuts are to be expected."""
+        return self.active and "Learner" in self.roles
+
+
+class CourseMembers(NamedTuple):
+    """Members of a course, and its title; ``skipped`` had no identifier or roles, and ``more`` were not asked for."""
+
+    title: str
+    members: tuple[CourseMember, ...]
+    skipped: int
+    more: bool
+
+
+class WrongMembers(PlatformUnreachable):
+    """List of members that the class must not show."""
+
+
+def course_members(platform: Platform, course: str, members_url: str, tokens: AccessTokens) -> CourseMembers:
+    """Return the members of a course, as its platform lists them now.
+
+    Deleted members are left out; of two entries of one person the later one holds.
+
+    Parameters
+    ----------
+    platform : Platform
+        The platform.
+    course : str
+        Identifier of the course; the list must be of this one.
+    members_url : str
+        Address of the list, from a launch.
+    tokens : AccessTokens
+        Access tokens of the platforms.
+
+    Raises
+    ------
+    PlatformRefused
+        If the platform does not give its list to the class.
+    PlatformUnreachable
+        If it does not answer, or not with a list of this course.
+    ValueError
+        If the address is none that may be asked, or the class's key cannot be read.
+    """
+    checked_address("members_url", members_url, local=platform.is_local)
+    place, title, found, skipped = without_query(members_url), "", dict[str, CourseMember | None](), 0
+    try:
+        for page in _pages(platform, members_url, tokens):
+            if page is None:
+                return CourseMembers(title, _present(found), skipped, True)
+            given, listed = page.get("context"), page.get("members")
+            context = given if isinstance(given, dict) else {}
+            if _identifier(context.get("id")) != course:
+                raise WrongMembers(f"{place} lists the members of the course {context.get('id')!r}, not {course!r}")
+            if not isinstance(listed, list):
+                raise WrongMembers(f"{place} lists no members")
+            title = _line(context.get("title")) or _line(context.get("label"))
+            for each in listed:
+                member = _member(each)
+                if member is None:
+                    skipped += 1
+                elif len(found) >= MOST_MEMBERS and member.subject not in found:
+                    return CourseMembers(title, _present(found), skipped, True)
+                else:
+                    found[member.subject] = None if each.get("status") == "Deleted" else member
+    except PlatformRefused as error:
+        if error.status == 401:
+            tokens.forget(platform, MEMBERS_SCOPE)
+        raise
+    return CourseMembers(title, _present(found), skipped, False)
+
+
+def _present(found: Mapping[str, CourseMember | None]) -> tuple[CourseMember, ...]:
+    return tuple(each for each in found.values() if each is not None)
+
+
+def _pages(platform: Platform, members_url: str, tokens: AccessTokens) -> Iterator[dict[str, Any] | None]:
+    """Yield the pages of a list; None in place of those beyond the most, so that no list keeps the class for good."""
+    ends, seen = time.monotonic() + _WITHIN, set[str]()
+    place = urlsplit(members_url)
+    query = [*parse_qsl(place.query, keep_blank_values=True), ("limit", str(_ON_A_PAGE))]
+    url = place._replace(query=urlencode(query), fragment="").geturl()
+    while url:
+        if len(seen) >= _MOST_PAGES:
+            yield None
+            return
+        if url in seen:
+            raise WrongMembers(f"{without_query(url)} leads from page to page in a circle")
+        if time.monotonic() > ends:
+            raise PlatformUnreachable(f"{without_query(url)} takes longer than {_WITHIN:g} s to answer")
+        seen.add(url)
+        headers = {"Authorization": f"Bearer {tokens.find(platform, MEMBERS_SCOPE)}", "Accept": _MEDIA_TYPE}
+        content, about = asked(url, headers=headers)
+        if about.get_content_type() != _MEDIA_TYPE:
+            raise WrongMembers(
+                f"{without_query(url)} answers with {about.get_content_type()}, which is no list of members"
+            )
+        yield json_object(url, content)
+        url = _next_page(url, about)
+
+
+def _next_page(url: str, about: Message) -> str:
+    """Return the address of the page after this one, "" after the last; it must be of the same server."""
+    for header in about.get_all("Link", []):
+        for address, parameters in _LINK.findall(header):
+            relations = " ".join(quoted or bare for quoted, bare in _RELATIONS.findall(parameters))
+            if "next" in relations.lower().split():
+                found: str = urljoin(url, address)
+                if urlsplit(found)[:2] != urlsplit(url)[:2]:  # the token is for this server alone
+                    raise WrongMembers(f"{without_query(url)} leads to another server for its next page")
+                return found
+    return ""
+
+
+def _member(given: Any) -> CourseMember | None:
+    """Return a member of a list; None if it has no identifier or no roles, or a state that is not known."""
+    if not isinstance(given, dict):
+        return None
+    subject, roles, status = _identifier(given.get("user_id")), given.get("roles"), given.get("status", "Active")
+    if not subject or not isinstance(roles, list) or status not in ("Active", "Inactive", "Deleted"):
+        return None
+    parts = " ".join(filter(None, (_line(given.get(name)) for name in ("given_name", "family_name"))))
+    # Sub-roles, and roles in the school or the platform as a whole, say nothing about this course.
+    known = (_ROLE.fullmatch(each) for each in roles[:_MOST_ROLES] if isinstance(each, str))
+    in_course = dict.fromkeys(each[1] for each in known if each)
+    return CourseMember(subject, _line(given.get("name")) or parts, tuple(in_course), status == "Active")
+
+
+def _identifier(value: Any) -> str:
+    """Return an identifier of the platform, which some write as a number; "" for none."""
+    text = str(value) if isinstance(value, int) and not isinstance(value, bool) else value
+    return text if isinstance(text, str) and len(text) <= _LONGEST and text.isprintable() else ""
+
+
+def _line(value: Any) -> str:
+    """Return a name as one line; "" for none."""
+    return " ".join(value.split())[:_LONGEST_NAME] if isinstance(value, str) else ""

@@ -1,0 +1,204 @@
+"""People of a learning platform in the class's database: their codes, and where their grades go."""
+
+from __future__ import annotations
+
+import hashlib
+from contextlib import suppress
+from datetime import datetime, timedelta
+from typing import NamedTuple
+
+from sqlalchemy import ColumnElement, delete, func, insert, select, update
+from sqlalchemy.exc import IntegrityError
+
+from cutenv.people.classroom.class_store import ClassStore
+from cutenv.people.classroom.class_tables import CUTS, LTI_COURSES, LTI_GRADES, LTI_NONCES, LTI_PEOPLE, SAVED
+
+_LONGEST_TROUBLE = 300
+_REMEMBERED = timedelta(hours=2)  # longer than any launch is accepted
+
+
+class Learner(NamedTuple):
+    """Person whom a platform has sent: all of a launch that is kept, and no name.
+
+    ``issuer``, ``deployment`` and ``subject`` are the platform's identifiers and ``client_id`` that of the class there.
+    ``class_name`` is the short name of the platform's course, "" without one that fits.  ``line_item`` is the address
+    of a column of its gradebook, "" without one, and ``task`` the task whose grade goes there, "" for the course.
+    """
+
+    issuer: str
+    client_id: str
+    deployment: str
+    subject: str
+    class_name: str = ""
+    line_item: str = ""
+    task: str = ""
+
+
+class GradeRow(NamedTuple):
+    """Place of a person's grade, and what went there: ``sent`` None before the first, ``trouble`` "" without one."""
+
+    code: str
+    line_item: str
+    issuer: str
+    client_id: str
+    subject: str
+    task: str
+    counted: int
+    cuts: int
+    sent: int | None
+    since: str
+    trouble: str
+
+
+class LtiPeople:
+    """People of learning platforms, and the places of their grades.
+
+    Parameters
+    ----------
+    store : ClassStore
+        Database of the class.
+    """
+
+    def __init__(self, store: ClassStore) -> None:
+        self._store = store
+
+    def use_once(self, nonce: str) -> bool:
+        """Note that a launch is used; return False if it was before."""
+        now = self._store.clock()
+        digest = hashlib.sha256(nonce.encode()).hexdigest()
+        old = LTI_NONCES.c.expires < _written(now)
+        with self._store.engine.begin() as connection:
+            connection.execute(delete(LTI_NONCES).where(old))
+        try:
+            with self._store.engine.begin() as connection:
+                connection.execute(insert(LTI_NONCES).values(nonce=digest, expires=_written(now + _REMEMBERED)))
+        except IntegrityError:
+            return False
+        return True
+
+    def code_of(self, learner: Learner) -> str | None:
+        """Return the code of a person, None of one who was not here before."""
+        with self._store.engine.begin() as connection:
+            return connection.execute(select(LTI_PEOPLE.c.code).where(_is(learner))).scalar_one_or_none()
+
+    def codes(self, issuer: str) -> dict[str, list[str]]:
+        """Return the codes of everybody from a platform, by the platform's identifier of the person."""
+        mine = select(LTI_PEOPLE.c.subject, LTI_PEOPLE.c.code).where(LTI_PEOPLE.c.issuer == issuer)
+        found: dict[str, list[str]] = {}
+        with self._store.engine.begin() as connection:
+            for subject, code in connection.execute(mine.order_by(LTI_PEOPLE.c.code)):
+                found.setdefault(subject, []).append(code)
+        return found
+
+    def note_members_url(self, issuer: str, client_id: str, course: str, members_url: str) -> None:
+        """Note where a platform lists the members of a course, "" if it offers no list."""
+        values = {"issuer": issuer, "client_id": client_id, "course": course, "members_url": members_url}
+        if self.members_url(issuer, client_id, course) == members_url:
+            return
+        with suppress(IntegrityError), self._store.engine.begin() as connection:  # another launch at this moment
+            connection.execute(delete(LTI_COURSES).where(_is_course(issuer, client_id, course)))
+            connection.execute(insert(LTI_COURSES).values(**values))
+
+    def members_url(self, issuer: str, client_id: str, course: str) -> str | None:
+        """Return where a platform lists the members of a course; "" for nowhere, None before the first launch."""
+        wanted = select(LTI_COURSES.c.members_url).where(_is_course(issuer, client_id, course))
+        with self._store.engine.begin() as connection:
+            return connection.execute(wanted).scalar_one_or_none()
+
+    def enter(self, learner: Learner) -> str:
+        """Return a person's code, made for the first time, and note where the grade goes."""
+        code = self.code_of(learner)
+        if code is None:
+            code = self._new_code(learner)
+        if learner.line_item:
+            self._note_line_item(code, learner)
+        return code
+
+    def _new_code(self, learner: Learner) -> str:
+        (made,) = self._store.add_codes(1)
+        identifiers = {name: getattr(learner, name) for name in ("issuer", "deployment", "subject")}
+        try:
+            with self._store.engine.begin() as connection:
+                connection.execute(insert(LTI_PEOPLE).values(code=made, **identifiers))
+        except IntegrityError:  # entered a second time at this moment
+            self._store.delete(made)
+            return self.code_of(learner) or self._new_code(learner)
+        with suppress(ValueError):  # a name of a course may be none of a class
+            self._store.put([made], class_name=learner.class_name)
+        return made
+
+    def _note_line_item(self, code: str, learner: Learner) -> None:
+        mine = (LTI_GRADES.c.code == code) & (LTI_GRADES.c.line_item == learner.line_item)
+        now = {"client_id": learner.client_id, "task": learner.task}
+        with self._store.engine.begin() as connection:
+            row = connection.execute(select(LTI_GRADES).where(mine)).first()
+            if row is not None and row.task != learner.task:  # the link leads to another task now
+                connection.execute(update(LTI_GRADES).where(mine).values(counted=0))
+            if row is not None:
+                connection.execute(update(LTI_GRADES).where(mine).values(**now))
+                return
+        fresh = {"code": code, "line_item": learner.line_item, "counted": 0, "trouble": ""}
+        with suppress(IntegrityError), self._store.engine.begin() as connection:  # another launch at this moment
+            connection.execute(insert(LTI_GRADES).values(**fresh, **now))
+
+    def grades(self, *, due: bool = False) -> list[GradeRow]:
+        """Return all places of grades in order of the codes, or those that wait for a grade.
+
+        One waits if its person has other saved cuts than those that the grade sent last takes in.  So a saved
+        cut waits from then on, also after a crash of the server.
+        """
+        saved = (
+            select(func.count())
+            .where((CUTS.c.code == LTI_GRADES.c.code) & (CUTS.c.state == SAVED))
+            .correlate(LTI_GRADES)
+            .scalar_subquery()
+        )
+        everything = select(LTI_GRADES, LTI_PEOPLE.c.issuer, LTI_PEOPLE.c.subject, saved.label("cuts")).join_from(
+            LTI_GRADES, LTI_PEOPLE, LTI_GRADES.c.code == LTI_PEOPLE.c.code
+        )
+        wanted = everything.where(LTI_GRADES.c.counted != saved) if due else everything
+        with self._store.engine.begin() as connection:
+            rows = connection.execute(wanted.order_by(LTI_GRADES.c.code, LTI_GRADES.c.line_item)).all()
+        return [
+            GradeRow(
+                row.code, row.line_item, row.issuer, row.client_id, row.subject, row.task, row.counted, row.cuts,
+                row.sent, row.since or "", row.trouble,
+            )
+            for row in rows
+        ]  # fmt: skip
+
+    def sent(self, row: GradeRow, score: int) -> None:
+        """Note that a grade has arrived, which takes in the row's cuts."""
+        now = _written(self._store.clock())
+        self._change(row, counted=row.cuts, sent=score, since=now, trouble="")
+
+    def refused(self, row: GradeRow, trouble: str) -> None:
+        """Note that the platform takes no such grade, and why; the next cut is tried again."""
+        self._change(row, counted=row.cuts, trouble=trouble[:_LONGEST_TROUBLE])
+
+    def send_again(self) -> None:
+        """Let every grade that was refused wait again."""
+        with self._store.engine.begin() as connection:
+            connection.execute(update(LTI_GRADES).where(LTI_GRADES.c.trouble != "").values(counted=-1, trouble=""))
+
+    def _change(self, row: GradeRow, **values: object) -> None:
+        mine = (LTI_GRADES.c.code == row.code) & (LTI_GRADES.c.line_item == row.line_item)
+        same_task = LTI_GRADES.c.task == row.task  # else a launch has changed it meanwhile
+        with self._store.engine.begin() as connection:
+            connection.execute(update(LTI_GRADES).where(mine & same_task).values(**values))
+
+
+def _is(learner: Learner) -> ColumnElement[bool]:
+    return (
+        (LTI_PEOPLE.c.issuer == learner.issuer)
+        & (LTI_PEOPLE.c.deployment == learner.deployment)
+        & (LTI_PEOPLE.c.subject == learner.subject)
+    )
+
+
+def _is_course(issuer: str, client_id: str, course: str) -> ColumnElement[bool]:
+    return (LTI_COURSES.c.issuer == issuer) & (LTI_COURSES.c.client_id == client_id) & (LTI_COURSES.c.course == course)
+
+
+def _written(moment: datetime) -> str:
+    return moment.isoformat(timespec="microseconds")

@@ -1,0 +1,250 @@
+"""Learning platforms with which a class is registered (LTI 1.3): one TOML file in the class's folder."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+from cutenv._base.output import atomic_write
+from cutenv._base.validation import nearest_choices
+from cutenv.people.classroom.host_names import is_loopback
+
+PLATFORMS_FILE = "platforms.toml"
+"""Name of the file in the class's folder."""
+_HOST = re.compile(r"[A-Za-z0-9.:\[\]-]+")
+_LONGEST, _MOST = 255, 100  # characters of an identifier, as LTI has it; entries of a list
+
+
+def checked_address(field: str, address: str, *, local: bool = False) -> str:
+    """Return an address of a platform that may be asked: https, or http of this machine if the platform is on it.
+
+    Parameters
+    ----------
+    field, address : str
+        Name of the field, and its value.
+    local : bool
+        True if the platform itself runs on this machine, as in a trial.
+
+    Raises
+    ------
+    ValueError
+        If it is none.
+    """
+    cure = f"Copy {field} from the platform's page of the registration: it begins with https://."
+    try:
+        parts = urlsplit(address)
+        host = parts.hostname or ""
+        _ = parts.port  # refuses one that is no number
+    except ValueError:
+        raise ValueError(f"{field} = {address!r} is no address. {cure}") from None
+    if not (address.isascii() and address.isprintable() and " " not in address and _HOST.fullmatch(parts.netloc)):
+        raise ValueError(f"{field} = {address!r} is no address. {cure}")
+    if parts.scheme != "https" and not (parts.scheme == "http" and local and is_loopback(host)):
+        raise ValueError(f"{field} = {address!r} is not encrypted. {cure}")
+    return address
+
+
+@dataclass(frozen=True, kw_only=True)
+class Platform:
+    """Registration of the class with one platform.
+
+    Attributes
+    ----------
+    issuer, client_id : str
+        Identifiers of the platform, and of the class there.
+    auth_url, token_url, jwks_url : str
+        Addresses of the platform: of its sign-in, of its access tokens, and of its public keys.
+    deployments : tuple of str
+        Identifiers of the deployments that may launch the class.
+    name : str
+        Name on the pages, by default the issuer.
+    token_audience : str
+        Audience of the class's statements to ``token_url``, which it is by default.
+    teacher_courses : tuple of str
+        Identifiers of the platform's courses whose instructors are let into the teacher's pages; by default none.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a field cannot be that; the text names it with its value and cure.
+    """
+
+    issuer: str
+    client_id: str
+    auth_url: str
+    token_url: str
+    jwks_url: str
+    deployments: tuple[str, ...]
+    name: str = ""
+    token_audience: str = ""
+    teacher_courses: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if isinstance(field.default, tuple) or field.name == "deployments":
+                _check_list(field.name, value)
+            else:
+                _check_text(field.name, value, needed=field.default is dataclasses.MISSING)
+        if not self.deployments:
+            raise ValueError("deployments is empty. Give the deployment ID that the platform shows.")
+        checked_address("issuer", self.issuer, local=True)
+        for name in ("auth_url", "token_url", "jwks_url"):
+            checked_address(name, getattr(self, name), local=self.is_local)
+
+    @property
+    def is_local(self) -> bool:
+        """True if the platform runs on this machine, as in a trial."""
+        return is_loopback(urlsplit(self.issuer).hostname or "")
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Issuer and client, which no two registrations share."""
+        return self.issuer, self.client_id
+
+    @property
+    def title(self) -> str:
+        """Name on the pages."""
+        return self.name or self.issuer
+
+
+_FIELDS = tuple(field.name for field in dataclasses.fields(Platform))
+
+
+def _check_text(field: str, value: Any, *, needed: bool) -> None:
+    if not isinstance(value, str):
+        raise TypeError(f"{field} must be a text, got {value!r}. Put it between quotation marks.")
+    if needed and not value:
+        raise ValueError(f"{field} is missing. Copy it from the platform's page of the registration.")
+    if len(value) > _LONGEST or not (value.isprintable() and value == value.strip()):
+        raise ValueError(
+            f"{field} = {value!r} has characters that no identifier has, or more than {_LONGEST}. Shorten it."
+        )
+
+
+def _check_list(field: str, value: Any) -> None:
+    if not isinstance(value, tuple) or len(value) > _MOST:
+        raise TypeError(f'{field} must be a list of up to {_MOST} texts, got {value!r}. Write it such as ["1"].')
+    for each in value:
+        _check_text(field, each, needed=True)
+
+
+class PlatformFile:
+    """File of the platforms, read again whenever it has changed.
+
+    Parameters
+    ----------
+    path : Path
+        The file; it need not be there.
+
+    Attributes
+    ----------
+    path : Path
+        As above.
+    trouble : str
+        Why the present file cannot be read, "" if it can; the platforms that were read before hold then.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.trouble = path, ""
+        self._stamp: tuple[int, ...] | None = None
+        self._known: tuple[Platform, ...] = ()
+
+    @property
+    def platforms(self) -> tuple[Platform, ...]:
+        """The platforms."""
+        try:
+            about = self.path.stat()
+        except OSError:
+            self._stamp, self._known, self.trouble = None, (), ""
+            return ()
+        stamp = (about.st_mtime_ns, about.st_size, about.st_ino)
+        if stamp != self._stamp:
+            try:
+                self._known, self.trouble = read_platforms(self.path), ""
+            except (OSError, TypeError, ValueError) as error:
+                self.trouble = str(error)
+            self._stamp = stamp
+        return self._known
+
+    def find(self, issuer: str, client_ids: Sequence[str] = ()) -> list[Platform]:
+        """Return the registrations with an issuer, under any of the clients if some are given."""
+        known = [each for each in self.platforms if each.issuer == issuer]
+        return [each for each in known if not client_ids or each.client_id in client_ids]
+
+    def add(self, platform: Platform) -> None:
+        """Add a platform, in place of an earlier registration of the same client; ValueError if the file is damaged."""
+        self._write([each for each in self.sound() if each.key != platform.key] + [platform])
+
+    def drop(self, issuer: str, client_id: str) -> None:
+        """Remove a registration; ValueError if the file is damaged."""
+        self._write([each for each in self.sound() if each.key != (issuer, client_id)])
+
+    def sound(self) -> tuple[Platform, ...]:
+        """Return the platforms; ValueError if the file is damaged."""
+        known = self.platforms
+        if self.trouble:  # it would be overwritten
+            raise ValueError(self.trouble)
+        return known
+
+    def _write(self, platforms: Sequence[Platform]) -> None:
+        with atomic_write(self.path) as part:
+            part.touch(0o600)
+            part.write_text(platforms_toml(platforms), encoding="utf-8")
+
+
+def read_platforms(path: Path) -> tuple[Platform, ...]:
+    """Return the platforms of a file.
+
+    Raises
+    ------
+    OSError, TypeError, ValueError
+        If it cannot be read; the text names file, platform, field, value and cure.
+    """
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"{path}: it is no TOML file ({error}).") from None
+    given = content.get("platform", [])
+    if set(content) - {"platform"} or not isinstance(given, list) or not all(isinstance(each, dict) for each in given):
+        raise ValueError(f"{path}: begin each platform with a line [[platform]].")
+    found: list[Platform] = []
+    for number, each in enumerate(given, 1):
+        try:
+            platform = platform_of(each)
+            if platform.key in [other.key for other in found]:
+                raise ValueError(f"client_id = {platform.client_id!r} is registered twice. Write its deployments once.")
+        except (TypeError, ValueError) as error:
+            raise type(error)(f"{path}: platform {number}: {error}") from None
+        found.append(platform)
+    return tuple(found)
+
+
+def platform_of(content: Mapping[str, Any]) -> Platform:
+    """Return the platform of a table of the file; TypeError or ValueError names what is wrong with it."""
+    for key in content:
+        if key not in _FIELDS:
+            raise ValueError(f"{key!r} is not known.{nearest_choices(key, _FIELDS)} It takes {', '.join(_FIELDS)}.")
+    for field in dataclasses.fields(Platform):
+        if field.default is dataclasses.MISSING and field.name not in content:
+            raise ValueError(f"{field.name} is missing. Copy it from the platform's page of the registration.")
+    given: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in content.items()}
+    return Platform(**given)
+
+
+def platforms_toml(platforms: Sequence[Platform]) -> str:
+    """Return the text of the file, which :func:`read_platforms` reads as the same platforms."""
+    tables = []
+    for each in platforms:
+        filled = {key: value for key, value in dataclasses.asdict(each).items() if value}
+        # JSON's texts and lists are TOML's.
+        lines = [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in filled.items()]
+        tables.append("\n".join(["[[platform]]", *lines, ""]))
+    return "\n".join(tables)

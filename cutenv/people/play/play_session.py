@@ -1,0 +1,445 @@
+"""Session of cuts by one person, without a window.
+
+Specimens, countdown, 1 kHz by a given clock, record and score.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import cutenv
+from cutenv._base.validation import in_range, one_of
+from cutenv.display.viewer.scene import Moment
+from cutenv.envs.tissue_source import TissueSource
+from cutenv.people.play.course import FEEDBACK, shown_feedback
+from cutenv.people.play.course_progress import GIVEN_UP, CourseProgress
+from cutenv.people.play.devices import LedHand
+from cutenv.people.play.hand_model import PLAYED_HAND
+from cutenv.people.play.handle_body import Handle
+from cutenv.people.play.haptics import FeltForce, HapticDevice, Stylus
+from cutenv.people.play.played_cut import FEWEST_READINGS, UPDATES_HZ, PlayedCut
+from cutenv.people.play.shared_cut import SharedCut, SharingAgent
+from cutenv.people.play.view_state import PlayPhase, ViewState
+from cutenv.records import Provenance, save
+from cutenv.records.scoring import ScoreCard
+from cutenv.sim.cutting.dtypes import TICK
+from cutenv.sim.tissue.grid import depth_below
+from cutenv.sim.tissue.specimen import CLASSES
+from cutenv.task.registry import TASKS, tasks_with
+
+COUNTDOWN = 3.0
+"""Duration of the countdown before every cut [s]."""
+LONGEST_STALL = 0.25
+"""Longest stall that is made up for [s]; time beyond it is lost to the cut, and the record states it."""
+SHARED_TASK = "shared"
+"""Name of the task of gentle cutting that is shared with an agent."""
+
+
+def _kind_of_cut(task: str) -> type[PlayedCut]:
+    return SharedCut if task == SHARED_TASK else TASKS[task].played
+
+
+def _has_line(task: str) -> bool:
+    return task != SHARED_TASK and TASKS[task].line
+
+
+@dataclass(frozen=True, kw_only=True)
+class SessionPlan:
+    """Cuts of a session.
+
+    Task, specimens and number; a course gives specimens, tasks and targets in its place.
+
+    Attributes
+    ----------
+    task : str
+        A task of :data:`cutenv.task.registry.TASKS` that can be played, or "shared": an agent cuts, and the person
+        takes over while a button is held.
+    line : str, optional
+        Kind of line of a task along one, as of :class:`~cutenv.envs.path_cut.PathCutEnv`; default "mixed".
+    agent : SharingAgent, optional
+        Agent of the task "shared".
+    specimen_class : str
+        Class of the first specimens; see :meth:`Session.choose_class`.
+    seed : int
+        Seed of the session; specimen number i is its episode i.
+    target_length : float, optional
+        Target length of every cut [m]; drawn from 0.060 to 0.100 by default.
+    practice : bool
+        True to show hidden quantities.
+    tissue : str or Path, optional
+        File of the tissue that all specimens are of, a course's too; default: the measured pig liver.
+    cuts : int, optional
+        Number of cuts; unlimited by default.
+    countdown : float
+        Duration of the countdown before every cut [s].
+
+    Raises
+    ------
+    ValueError
+        If a value is out of range, or line or agent do not go with the task.
+    """
+
+    task: str = "gentle"
+    line: str | None = None
+    agent: SharingAgent | None = None
+    specimen_class: str = "liver"
+    seed: int = 0
+    target_length: float | None = None
+    practice: bool = False
+    tissue: str | Path | None = None
+    cuts: int | None = None
+    countdown: float = COUNTDOWN
+
+    def __post_init__(self) -> None:
+        one_of("task", self.task, (*tasks_with("played"), SHARED_TASK))
+        if self.line is not None and not _has_line(self.task):
+            raise ValueError(f"line = {self.line!r} needs a task along a line: task={self.task!r} has no line.")
+        if (self.agent is not None) != (self.task == SHARED_TASK):
+            raise ValueError('an agent and task="shared" belong together, and no course has them.')
+        one_of("specimen_class", self.specimen_class, CLASSES)
+        TissueSource(self.tissue)  # refuses a file that is none
+        if self.cuts is not None:
+            in_range("cuts", self.cuts, 1, 10_000, "1", "Give how many.")
+        in_range("countdown", self.countdown, 0.0, 60.0, "s", "Give seconds.")
+
+    @property
+    def of_task(self) -> dict[str, Any]:
+        """Arguments of the task's cut alone."""
+        return {name: value for name in ("line", "agent") if (value := getattr(self, name)) is not None}
+
+
+class Session:
+    """Session of cuts one after the other, each recorded.
+
+    Parameters
+    ----------
+    device : HapticDevice
+        Device that the person holds.
+    plan : SessionPlan
+        What is cut.
+    folder : Path, optional
+        Folder for records, a CSV for each cut; it is created. Default: nothing is written.
+    operator : str, optional
+        Anonymous code, see :class:`cutenv.records.Provenance`.
+    handle : bool
+        True to simulate a handle for the picture (needs pymunk).
+    course : CourseProgress, optional
+        Course of the person: it gives specimens, targets and feedback, and ends the session when it is done.
+    now : callable
+        Returns date and time of day, for the records.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of range, or the operator's code looks like a name.
+    """
+
+    def __init__(
+        self,
+        device: HapticDevice,
+        plan: SessionPlan = SessionPlan(),
+        *,
+        folder: Path | None = None,
+        operator: str | None = None,
+        handle: bool = False,
+        course: CourseProgress | None = None,
+        now: Callable[[], datetime] = lambda: datetime.now().astimezone(),
+    ) -> None:
+        self.device = device
+        self.task, self._of_task, self._tissue = plan.task, plan.of_task, plan.tissue
+        if plan.agent is not None and course is not None:
+            raise ValueError('an agent and task="shared" belong together, and no course has them.')
+        kinds = (self.task,) if course is None else course.course.kinds
+        if device.coupling is not None and any(map(_has_line, kinds)):
+            raise ValueError("a cut along a line takes no device that pushes: its force would be one in the plane.")
+        operator = operator if course is None else course.operator
+        self.chosen_class, self.seed, self._target_length = plan.specimen_class, plan.seed, plan.target_length
+        self.folder = folder
+        self._origin = Provenance(rig="cutenv play, simulated", sensor="simulated, 1 kHz", operator=operator)
+        self.operator = operator
+        self.practice, self.count, self._countdown = plan.practice, plan.cuts, plan.countdown
+        self.course = course
+        self._with_handle, self._now = handle, now
+        self.number = 0
+        """Number of the present specimen, counted from 0."""
+        self.finished = 0
+        """Number of cuts that came to one of the task's ends."""
+        self.records: list[Path] = []
+        """Files written, in order."""
+        self.after_advance: Callable[[], None] = lambda: None
+        """Called after every advance, and when the session is closed."""
+        self._attempts = 0
+        self._serial = 0
+        self._held: frozenset[str] = frozenset()
+        self._clock: float | None = None
+        self._ticks = 0
+        self.phase: PlayPhase = "ready"
+        self.card: ScoreCard | None = None
+        """Score of the cut that has ended."""
+        self.saved: Path | None = None
+        """Record of that cut, if there is a folder."""
+        self._felt: FeltForce | None = None
+        self._task, self._feedback = "", "always"
+        # Compile now, on cuts that are discarded, rather than while the clock of the first one runs.
+        for kind in kinds:
+            _kind_of_cut(kind)(tissue=self._tissue, **self._of_task).tick(Stylus(0.0, float(np.pi / 2)))
+        self._prepare()
+        if folder is not None:
+            folder.mkdir(parents=True, exist_ok=True)
+        device.open()
+
+    # Requests of the person
+
+    def begin(self) -> None:
+        """Start the countdown for the present specimen; do nothing during a cut."""
+        if self.phase == "ready":
+            self._countdown_ticks = round(self._countdown * UPDATES_HZ)
+            self.phase = "countdown"
+
+    def go_on(self) -> None:
+        """Begin, or after a cut prepare the next specimen; do nothing during a cut, or when all cuts are done."""
+        if self.phase == "ended" and not self.done:
+            self.number += 1 if self.course is None else 0  # a course has seeds, each with one specimen
+            self._attempts = 0
+            self._prepare()
+        self.begin()
+
+    def repeat(self) -> None:
+        """Cut the same specimen again; a cut in progress is abandoned, and recorded as such. Not in a course."""
+        if self.phase == "ready" or self.course is not None:
+            return
+        self._give_up()
+        self._prepare(self.cut.specimen_class)
+        self.begin()
+
+    def choose_class(self, specimen_class: str | None = None) -> None:
+        """Choose the class of the next specimen, by default the following one; at once if no cut has begun.
+
+        A course chooses by itself.
+        """
+        if self.course is not None:
+            return
+        after = CLASSES[(CLASSES.index(self.chosen_class) + 1) % len(CLASSES)]
+        self.chosen_class = one_of("specimen_class", specimen_class or after, CLASSES)
+        if self.phase == "ready":
+            self._prepare()
+
+    def show_hidden(self, practice: bool | None = None) -> None:
+        """Switch practice on or off, by default to the other.
+
+        A cut in which it was ever on is marked.
+
+        A course has none.
+        """
+        if self.course is not None:
+            return
+        self.practice = not self.practice if practice is None else practice
+        self._practised |= self.practice and self.phase in ("countdown", "cutting")
+
+    def forget_force(self) -> None:
+        """Let a device that pushes go for a millisecond, and begin its account of energy anew."""
+        if self._felt is not None:
+            self._felt.forget()
+
+    def close(self) -> None:
+        """End the session: abandon and record a cut in progress, and release the device; further calls do nothing."""
+        self._give_up()
+        self.after_advance()
+        self.device.close()
+
+    @property
+    def done(self) -> bool:
+        """True when the requested number of cuts is finished, or the course is done."""
+        over = self.course is not None and (self.course.task is None or self.course.waits)
+        return over or (self.count is not None and self.finished >= self.count)
+
+    # Time
+
+    def advance(self, clock: float) -> int:
+        """Advance to the time of a clock, millisecond by millisecond.
+
+        Return their number.
+
+        Parameters
+        ----------
+        clock : float
+            Time [s] from any origin, never decreasing; the first call sets the start.
+        """
+        if self._clock is None:
+            self._clock = clock
+        due = int((clock - self._clock) * UPDATES_HZ + 1e-6) - self._ticks
+        most = round(LONGEST_STALL * UPDATES_HZ)
+        if due > most:
+            self._stalled += (due - most) * TICK if self.phase == "cutting" else 0.0
+            self._clock += (due - most) * TICK
+            due = most
+        for _ in range(due):
+            self._ticks += 1
+            self._tick()
+        self.after_advance()
+        return max(due, 0)
+
+    def _tick(self) -> None:
+        if self.phase == "countdown":
+            self._countdown_ticks -= 1
+            if self._countdown_ticks <= 0:
+                self._start()
+        elif self.phase == "cutting":
+            if isinstance(self.device, LedHand):
+                self.device.keep_near(*self.cut.hand_place)
+            self._stylus = self.device.read()
+            self.cut.tick(self._stylus)
+            if self._felt is not None:
+                self.device.push(self.cut.felt(self._felt, self._stylus))
+            if self.cut.end:
+                self.finished += 1
+                self._finish(self.cut.end)
+        self._press(self._stylus.buttons if self.phase == "cutting" else self._buttons())
+
+    def _buttons(self) -> frozenset[str]:
+        return self.device.read().buttons if self._felt is not None else frozenset()
+
+    def _press(self, buttons: frozenset[str]) -> None:
+        """Act on buttons at the moment they are pressed."""
+        pressed, self._held = buttons - self._held, buttons
+        if "next" in pressed:
+            self.go_on()
+        if "repeat" in pressed:
+            self.repeat()
+
+    # One cut
+
+    def _prepare(self, specimen_class: str | None = None) -> None:
+        """Prepare the present specimen, of the chosen class or, for a repetition, of the class it had."""
+        if self.course is not None:
+            self.course.verdicts = {}
+            self.chosen_class, self.seed, self._target_length = self.course.specimen()
+            self._task, self._feedback = self.course.ahead(), self.course.metadata()["feedback"]
+            assert self.course.task is not None  # else there is no specimen
+            self.task, self._of_task = self.course.task.task, self.course.task.of_line
+        self.cut = _kind_of_cut(self.task)(
+            specimen_class=specimen_class or self.chosen_class,
+            seed=self.seed,
+            episode=self.number,
+            target_length=self._target_length,
+            handle=Handle(PLAYED_HAND) if self._with_handle else None,
+            tissue=self._tissue,
+            **self._of_task,
+        )
+        self._serial += 1
+        self.phase = "ready"
+        self._countdown_ticks = 0
+        self._stylus = Stylus(0.0, float(np.pi / 2))
+        self._felt = None if self.device.coupling is None else self.device.coupling.felt()
+        self._stalled = 0.0
+        self._practised = False
+        self._date = self._now()
+        self.card = None
+        self.saved = None
+
+    def _start(self) -> None:
+        self.device.open()
+        self._attempts += 1
+        self._practised |= self.practice
+        self._date = self._now()
+        self.phase = "cutting"
+
+    def _give_up(self) -> None:
+        if self.phase == "cutting":
+            self._finish(GIVEN_UP)
+
+    def _finish(self, end: str) -> None:
+        """Release the device, then record and score the cut."""
+        self.phase = "ended"
+        if self._felt is not None:
+            self.device.push(0.0)
+        if len(self.cut.readings) < FEWEST_READINGS:
+            return
+        origin = dataclasses.replace(
+            self._origin,
+            specimen=f"{self.cut.specimen_words}, seed {self.seed}, number {self.number}",
+            date=self._date.isoformat(timespec="seconds"),
+        )
+        name = f"{self._date:%Y%m%dT%H%M%S}_{self.cut.specimen_class}_{self.seed}-{self.number}_{self._attempts}"
+        noted = {} if self.course is None else self.course.metadata()
+        practice = self._practised or noted.pop("practice", False)
+        trace = self.cut.trace(
+            **origin.metadata,
+            name=name,
+            program=f"cutenv {cutenv.__version__}",
+            specimen_class=self.cut.specimen_class,
+            specimen_seed=self.seed,
+            specimen_episode=self.number,
+            attempt=self._attempts,
+            practice=practice,
+            end=end,
+            success=bool(self.cut.end) and self.cut.cutting.success,
+            device=type(self.device).__name__,
+            hand=dataclasses.asdict(PLAYED_HAND),
+            stalled_s=round(self._stalled, 3),
+            **noted,
+        )
+        if self.folder is not None:
+            self.saved = _unused(self.folder, name)
+            save(trace, self.saved)
+            self.records.append(self.saved)
+        self.card = self.cut.card(trace)
+        if self.course is not None:
+            self.course.add(self.card, end)
+
+    def _verdict(self) -> tuple[str, ...]:
+        """Return what the end card says beside the score."""
+        told = (self.cut.map_words,) if self.cut.map_words and self._feedback != "never" else ()
+        return told if self.course is None else (*told, self.course.verdict, self.course.ahead())
+
+    def sight(self) -> ViewState:
+        """Return the state to be drawn now."""
+        moment = Moment.of(self.cut.plant, self.cut.cutting)
+        costs = moment.force > moment.force_allowed_per_depth * depth_below(moment.depth, moment.blade)
+        shown = shown_feedback(self._feedback, ended=self.phase == "ended", costs=costs)
+        missing = self.cut.missing(practice=self.practice, force_shown=shown.force)
+        return ViewState(
+            phase=self.phase,
+            countdown=self._countdown_ticks * TICK,
+            moment=moment,
+            readings=self.cut.readings,
+            hand=self.cut.hand,
+            hand_place=self.cut.hand_place,
+            lateral_force=self.cut.lateral_force,
+            pose=self.cut.pose,
+            missing=missing if self.phase == "cutting" else (),
+            practice=self.practice,
+            practised=self._practised,
+            truth=self.cut.truth,
+            specimen_class=self.cut.specimen_class,
+            chosen_class=self.chosen_class,
+            serial=self._serial,
+            model=self.cut.plant.specimen.cut_model(),
+            number=self.number,
+            finished=self.finished,
+            count=self.count,
+            card=self.card,
+            saved=self.saved,
+            operator=self.operator,
+            shown=shown,
+            feedback_words=f"force: {FEEDBACK[self._feedback]}",
+            task=self._task,
+            done=self.done,
+            verdict=self._verdict(),
+            leader=self.cut.leader_words,
+        )
+
+
+def _unused(folder: Path, name: str) -> Path:
+    """Return a path for that name at which no file exists yet."""
+    path, k = folder / f"{name}.csv", 2
+    while path.exists():
+        path, k = folder / f"{name}.{k}.csv", k + 1
+    return path

@@ -1,0 +1,261 @@
+"""Cut by a person.
+
+The environment's own task at 1 kHz, with every reading kept, scored as any other cut.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv._base.arrays import Array, Struct, StructArray
+from cutenv._base.validation import in_range
+from cutenv.agents.policy.interface import in_si
+from cutenv.agents.policy.tip_estimate import CUT_ESTIMATE, TipEstimate
+from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.people.play.devices import ScriptedDevice, watching_hand
+from cutenv.people.play.finishing import NearTarget, missing_to_finish
+from cutenv.people.play.hand_model import PLAYED_HAND, speed_toward
+from cutenv.people.play.handle_body import Handle, HandlePose
+from cutenv.people.play.haptics import FeltForce, Stylus
+from cutenv.records.scoring import ReferenceSet, ScoreCard, score
+from cutenv.records.scoring.points import DEADLINE
+from cutenv.records.scoring.truth import TIP_AT_END
+from cutenv.sim.cutting.dtypes import READING, TICK
+from cutenv.sim.plant.protocol import to_trace
+from cutenv.sim.plant.simulator import SimulatedPlant
+from cutenv.sim.quantities import TIP_TOLERANCE
+from cutenv.sim.tissue.grid import depth_below
+from cutenv.sim.trace import Trace
+from cutenv.task.assessment import NEAR_TARGET
+from cutenv.task.observation import COMPONENTS, to_action
+
+UPDATES_HZ = round(1.0 / TICK)
+FEWEST_READINGS = 100
+"""Least number of readings that makes an abandoned cut a record: a tenth of a second."""
+_ESTIMATED_EVERY = 20  # ms: as often as an agent decides
+
+
+class PlayedCut:
+    """Cut of one specimen by a person's hand.
+
+    It is an episode of ``GentleCutEnv(drive="hand", control_hz=1000)`` with the same seed: specimen, target, ends and
+    reward are those of an agent. Its decisions are a millisecond apart.
+
+    Parameters
+    ----------
+    specimen_class : str
+        "uniform", "liver", "vascular" or "mixed".
+    seed, episode : int
+        Key of specimen, target and noise.
+    target_length : float, optional
+        Length of the cut [m]; drawn from 0.060 to 0.100 by default.
+    handle : Handle, optional
+        Handle for the picture, which follows the cut.
+    **task
+        Further arguments of the environment.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of range.
+    """
+
+    environment: type[GentleCutEnv] = GentleCutEnv
+    """Environment whose episode it is."""
+    channels: tuple[str, ...] = ()
+    """Channels of the record that a cut straight on has not, as fields of a trace."""
+    third: str = ""
+    """Way of the hand besides the position and the angle: "level", "across" or none."""
+
+    def __init__(
+        self,
+        *,
+        specimen_class: str = "liver",
+        seed: int = 0,
+        episode: int = 0,
+        target_length: float | None = None,
+        handle: Handle | None = None,
+        **task: Any,
+    ) -> None:
+        self.specimen_class, self.seed, self.episode = specimen_class, seed, episode
+        in_range("seed", seed, 0, 2**63 - 1, "1", "Give a whole number from 0.")
+        self._env = self.environment(
+            specimen_class=specimen_class,
+            target_length=target_length,
+            deadline_s=DEADLINE,
+            control_hz=UPDATES_HZ,
+            **self._drive(),
+            **task,
+        )
+        self._handle = handle
+        self._first, self._info = self._env.reset(seed=seed, options={"episode": episode})
+        self._readings: StructArray = np.zeros(round(DEADLINE * UPDATES_HZ) + 1, READING)
+        self._further = np.zeros((len(self._readings), len(self.channels)))
+        self._count = 0
+        self._tip_estimate = TipEstimate()
+        self._estimate: Struct = np.zeros(1, CUT_ESTIMATE)[0]
+        self.end = ""
+        """Cause of the end, one of the environment's ends; empty while the cut goes on."""
+
+    def _drive(self) -> dict[str, Any]:
+        """Return the environment's arguments of what moves the blade."""
+        return {"drive": "hand", **dataclasses.asdict(PLAYED_HAND)}
+
+    @property
+    def plant(self) -> SimulatedPlant:
+        """Simulated plant of this cut."""
+        return self._env.plant
+
+    @property
+    def cutting(self) -> Any:
+        """Task of this cut."""
+        return self._env.cutting
+
+    @property
+    def specimen_words(self) -> str:
+        """Class of the specimen, and name of its tissue where that is not the measured pig liver."""
+        return self._env.tissue.words(self.specimen_class)
+
+    @property
+    def truth(self) -> dict[str, Any]:
+        """Hidden state, and energies [J], as in the environment's info; for practice."""
+        told: dict[str, Any] = self._info["truth"] | self._info["energy"]
+        return told
+
+    @property
+    def readings(self) -> StructArray:
+        """Every reading so far, shape (n,); existing ones do not change."""
+        return self._readings[: self._count]
+
+    @property
+    def target_length(self) -> float:
+        """Target length [m]."""
+        return float(self.cutting.target_length)
+
+    @property
+    def hand(self) -> float:
+        """Position of the hand, from the clamp [m]; the blade hangs on it."""
+        return float(self.plant.states["hand"][0])
+
+    @property
+    def hand_place(self) -> tuple[float, float]:
+        """Place of the hand along the slab, and across it to the left [m]."""
+        return self.hand, 0.0
+
+    @property
+    def lateral_force(self) -> Array:
+        """Measured force on the blade to its right at every reading so far [N]; of shape (0,) without one."""
+        return np.zeros(0)
+
+    @property
+    def pose(self) -> HandlePose | None:
+        """Pose of the drawn handle, if there is one."""
+        return None if self._handle is None else self._handle.pose
+
+    def tick(self, stylus: Stylus) -> None:
+        """Advance by a millisecond under a person's hand; does nothing once the cut has ended."""
+        if self.end:
+            return
+        state = self.plant.states[0]
+        self._observation, _, ended, _, self._info = self._env.step(self.action(stylus))
+        assert self.cutting.readings is not None  # at least one step was made
+        self._readings[self._count] = reading = self.cutting.readings[0]
+        if self._count % _ESTIMATED_EVERY == 0:
+            gentle = self._observation[: len(COMPONENTS)]
+            self._estimate = self._tip_estimate.estimates(in_si(gentle)[None])[0]
+        self._further[self._count] = self._sampled()
+        self._count += 1
+        if ended:
+            self.end = self._info["end"]
+        if self._handle is not None:
+            self._handle.step(
+                hand=float(state["hand"]),
+                hand_speed=float(state["hand_speed"]),
+                angle=float(state["angle"]),
+                force=float(reading["true_force"]),
+                depth=float(depth_below(self.plant.depth, state["blade"])),
+            )
+
+    def _sampled(self) -> tuple[float, ...]:
+        """Return :attr:`channels` now."""
+        return ()
+
+    def _noted(self) -> dict[str, Any]:
+        """Return what the record notes of another task."""
+        noted = self.cutting.noted_map
+        return noted and {"environment": self.cutting.task.environment, **noted}
+
+    def _channel(self, name: str) -> Array:
+        return self._further[: self._count, self.channels.index(name)]
+
+    def action(self, stylus: Stylus) -> NDArray[np.float32]:
+        """Return the environment's action for what the person wants."""
+        return to_action(speed_toward(stylus.position, self.plant.states[0]), stylus.angle)
+
+    def felt(self, felt: FeltForce, stylus: Stylus) -> float:
+        """Return the force for the person's hand [N], by the device's coupling to the blade."""
+        return felt.update(stylus.position, float(self.readings["position"][-1]))
+
+    def simple_hand(self) -> ScriptedDevice:
+        """Return a scripted hand for this cut, which watches the tip as in practice."""
+        return watching_hand(self._tip, self.target_length)
+
+    def _tip(self) -> float:
+        return float(self.plant.states["tip"][0])
+
+    @property
+    def map_words(self) -> str:
+        """Depth or path of the cut so far in words, empty where none is wanted."""
+        return ""
+
+    @property
+    def leader_words(self) -> str:
+        """Words that say who leads now, empty where only a person does."""
+        return ""
+
+    def missing(self, *, practice: bool, force_shown: bool = True) -> tuple[str, ...]:
+        """Return what is still missing to finish, empty while the blade has not come near the target.
+
+        It is told from what a rig measures; in ``practice``, a tip that is short of the target is all that is missing.
+        Without ``force_shown`` no force is named.
+        """
+        progress = self.cutting.progress[0]
+        if self.end or not self._count or progress["furthest"] < self.target_length - NEAR_TARGET:
+            return ()
+        short = self.target_length - float(self.plant.states["tip"][0])
+        if practice and short > TIP_TOLERANCE:
+            return (f"the tip is {short * 1e3:.1f} mm short: cut on",)
+        reading, estimate = self._readings[self._count - 1], self._estimate
+        depth = depth_below(self.plant.depth, float(reading["position"]))
+        near = NearTarget(
+            force=float(reading["force"]),
+            elastic=float(estimate["elastic"]),
+            friction=float(self._tip_estimate.memory[0]["friction_per_depth"]) * depth,
+            stiffness=float(estimate["stiffness"]),
+            speed=float(reading["speed"]),
+            angle=float(reading["angle"]),
+            rested=float(progress["quiet"]),
+            withdrawn=float(progress["loaded_at"]) - float(reading["position"]),
+        )
+        return missing_to_finish(near, force_shown=force_shown)
+
+    def trace(self, **metadata: object) -> Trace:
+        """Return the trace that a rig would have recorded.
+
+        Raises
+        ------
+        ValueError
+            If there are fewer than two readings.
+        """
+        noted = {"target_length_m": self.target_length, TIP_AT_END: round(float(self.readings["tip"][-1]), 6)}
+        trace = to_trace(self.plant, self.readings, **noted, **self._noted(), **metadata)
+        further: dict[str, Any] = {name: self._channel(name).copy() for name in self.channels}
+        return dataclasses.replace(trace, **further)
+
+    def card(self, trace: Trace) -> ScoreCard:
+        """Return the score of its record, as from ``cutenv score``: where the tip ended is noted in the record."""
+        return score(trace, target_length=self.target_length, reference=ReferenceSet.shipped())

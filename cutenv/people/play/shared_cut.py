@@ -1,0 +1,211 @@
+"""Cut by an agent that a person can take over.
+
+It is taken over millisecond by millisecond, while a button is held.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv._base.validation import one_of
+from cutenv.people.play.devices import HandMotion, ScriptedDevice, within_angles
+from cutenv.people.play.hand_model import speed_over
+from cutenv.people.play.haptics import FeltForce, Stylus
+from cutenv.people.play.played_cut import UPDATES_HZ, PlayedCut
+from cutenv.sim.cutting.drive import Rig
+from cutenv.sim.trace import Trace
+from cutenv.task.observation import COMPONENTS, OFFSETS, SCALES, to_action
+
+LEADS = "next"
+"""Button that hands the blade to the person while it is held: the first of a grip."""
+_FOLDED = {component.name: k for k, component in enumerate(COMPONENTS)}
+_TAKEN_BY = ("control_hz", "angle_mode", "fixed_angle_deg")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SharingAgent:
+    """Agent that shares a cut.
+
+    Attributes
+    ----------
+    name : str
+        Name of the policy, for the record.
+    policy : callable
+        Policy of ``cutenv/GentleCut-v1``: an observation to an action, with ``reset``.
+    arguments : mapping
+        Keyword arguments of the environment that it needs: decisions a second, and how the blade is turned.
+
+    Raises
+    ------
+    ValueError
+        If it needs another task or another observation, or is shown the hidden state.
+    """
+
+    name: str
+    policy: Any
+    arguments: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if (task := self.arguments.get("task", "gentle")) != "gentle":
+            raise ValueError(f"policy {self.name!r} is for the task {task!r}; a cut is shared in gentle cutting alone.")
+        if hasattr(self.policy, "set_state"):
+            raise ValueError(
+                f"policy {self.name!r} knows the hidden state of the cut. Take one that knows what a rig measures."
+            )
+        for name in self.arguments:
+            one_of(f"argument of policy {self.name!r}", name, (*_TAKEN_BY, "task"))
+
+    @property
+    def control_hz(self) -> int:
+        """Decisions a second."""
+        return int(self.arguments.get("control_hz", 10))
+
+    @property
+    def turning(self) -> dict[str, Any]:
+        """Arguments of the environment apart from the decisions a second."""
+        return {name: value for name, value in self.arguments.items() if name not in ("control_hz", "task")}
+
+
+class SharedCut(PlayedCut):
+    """Cut on a rig's drive, by agent or person.
+
+    The drive follows the agent's speed and angle, or the person's while they hold a button.
+
+    Without the person it is the agent's cut in the environment, decision by decision. The blade does not leap when the
+    person takes it: it moves and leans by as much as the hand does from there.
+
+    Parameters
+    ----------
+    agent : SharingAgent
+        Agent that cuts.
+    **keywords
+        Those of :class:`~cutenv.people.play.played_cut.PlayedCut`.
+    """
+
+    def __init__(self, *, agent: SharingAgent, **keywords: Any) -> None:
+        super().__init__(**keywords, **agent.turning)
+        self.agent = agent
+        self._ticks = UPDATES_HZ // agent.control_hz
+        self._grabbed: tuple[float, float] | None = None  # blade less stylus: place [m], angle [rad]
+        self._led: list[list[int]] = []  # first and last + 1 of the milliseconds in which the person led
+        self._persons: set[int] = set()  # decisions
+        self._sum, self._least, self._most = 0.0, np.inf, -np.inf  # of the force since the last decision [N]
+        agent.policy.reset(np.random.default_rng((self.seed, self.episode)))
+        self._decided = np.asarray(agent.policy(self._first), np.float32)
+
+    def _drive(self) -> dict[str, Any]:
+        return {"drive": "rig"}
+
+    @property
+    def person_leads(self) -> bool:
+        """True while the person holds the blade."""
+        return self._grabbed is not None
+
+    @property
+    def hand(self) -> float:
+        """Position of the blade [m]: nothing lies between it and the drive."""
+        return float(self.plant.states["blade"][0])
+
+    @property
+    def hand_place(self) -> tuple[float, float]:
+        """Place of the stylus at which it leads the blade to where it is [m], and 0."""
+        return self.hand - (0.0 if self._grabbed is None else self._grabbed[0]), 0.0
+
+    @property
+    def decisions(self) -> tuple[int, int]:
+        """Number of the agent's decisions so far, and of those in which the person held the blade."""
+        return -(-self._count // self._ticks), len(self._persons)
+
+    def tick(self, stylus: Stylus) -> None:
+        """Advance by a millisecond, led by the agent or the person; does nothing once the cut has ended."""
+        if self.end:
+            return
+        if self._count and self._count % self._ticks == 0:
+            self._decided = np.asarray(self.agent.policy(self._observed()), np.float32)
+        held = LEADS in stylus.buttons
+        if held and self._grabbed is None:
+            self._grabbed = self.hand - stylus.position, float(self.plant.states["angle"][0]) - stylus.angle
+            self._led.append([self._count, self._count])
+        elif not held:
+            self._grabbed = None
+        if held:
+            self._persons.add(self._count // self._ticks)
+            self._led[-1][1] = self._count + 1
+        super().tick(stylus)
+        felt = float(self._readings[self._count - 1]["force"])
+        self._sum, self._least, self._most = self._sum + felt, min(self._least, felt), max(self._most, felt)
+
+    def action(self, stylus: Stylus) -> NDArray[np.float32]:
+        """Return the agent's action, or the one that brings the blade after the person's hand."""
+        if self._grabbed is None:
+            return self._decided
+        place, angle = self._grabbed
+        drive = self._env.constants.drive
+        assert isinstance(drive, Rig)
+        speed = speed_over(place + stylus.position - self.hand, drive.motor_lag, drive.acceleration)
+        return to_action(speed, within_angles(angle + stylus.angle))
+
+    def felt(self, felt: FeltForce, stylus: Stylus) -> float:
+        """Return the force for the person's hand [N]: that of the blade while they hold it, else none."""
+        if self._grabbed is None:
+            felt.forget()
+            return 0.0
+        return felt.update(self._grabbed[0] + stylus.position, float(self.readings["position"][-1]))
+
+    def simple_hand(self) -> ScriptedDevice:
+        """Return a scripted hand that takes the blade after 2 s, leads it on for 2 s, and gives it back."""
+
+        def reach(time: float) -> float:
+            return 0.006 * min(max(time - 2.0, 0.0), 2.0)
+
+        return ScriptedDevice(lambda time: HandMotion(reach(time), 0.5 * np.pi, held=2.0 <= time < 4.0))
+
+    @property
+    def map_words(self) -> str:
+        """Words that say whose decisions they were."""
+        every, persons = self.decisions
+        return f"You held the blade in {persons} of {every} decisions; {self.agent.name!r} made the others."
+
+    @property
+    def leader_words(self) -> str:
+        """Words that say who leads now."""
+        agents = f"the agent {self.agent.name} cuts: hold space or the button to take over"
+        return "you lead" if self.person_leads else agents
+
+    def missing(self, *, practice: bool, force_shown: bool = True) -> tuple[str, ...]:
+        """Return what is still missing to finish, while the person leads."""
+        return super().missing(practice=practice, force_shown=force_shown) if self.person_leads else ()
+
+    def trace(self, **metadata: object) -> Trace:
+        """Return the trace that a rig would have recorded, with who held the blade and when.
+
+        Raises
+        ------
+        ValueError
+            If there are fewer than two readings.
+        """
+        every, persons = self.decisions
+        metadata.pop("hand", None)  # there is none between person and blade
+        return super().trace(
+            policy=self.agent.name,
+            control_hz=self.agent.control_hz,
+            decisions=every,
+            decisions_of_the_person=persons,
+            person_led_s=[[first / UPDATES_HZ, last / UPDATES_HZ] for first, last in self._led],
+            **metadata,
+        )
+
+    def _observed(self) -> NDArray[np.float32]:
+        """Return the observation of the agent's decision, and begin the next; forces are those since its last one."""
+        observation = self._observation.copy()
+        folded = {"force_mean": self._sum / self._ticks, "force_min": self._least, "force_max": self._most}
+        for name, value in folded.items():
+            k = _FOLDED[name]
+            observation[k] = (value - OFFSETS[k]) / SCALES[k]
+        self._sum, self._least, self._most = 0.0, np.inf, -np.inf
+        return observation

@@ -1,0 +1,121 @@
+"""Connection to a rig by its name, with nothing on its bench.
+
+It is guarded, and is for work in a lab before any cut.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from datetime import date
+from typing import NamedTuple
+
+from cutenv.rig.config.settings import (
+    EMULATED,
+    EMULATOR,
+    FAKE,
+    GRBL,
+    SERIAL,
+    RigSettings,
+    SensorCalibration,
+    fake_settings,
+)
+from cutenv.rig.devices.host import FakeClock, undisturbed
+from cutenv.rig.drivers.slow_profile import grbl_settings, slow_settings
+from cutenv.rig.errors import RigError
+from cutenv.rig.operation.operator import AutomaticOperator, Operator, TerminalOperator
+from cutenv.rig.operation.preflight import SETTLE
+from cutenv.rig.plant import RigPlant
+from cutenv.rig.safety.oversight import guarded
+from cutenv.rig.toml_file import read_rig_file
+
+
+class Connection(NamedTuple):
+    """Connected rig; nothing has moved, and the drives have no power."""
+
+    settings: RigSettings
+    plant: RigPlant
+
+
+@contextmanager
+def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connection]:
+    """Connect to a rig, with every stop installed.
+
+    It is closed at the end of the block.
+
+    Parameters
+    ----------
+    rig : str
+        A rig's TOML file, or one of :data:`~cutenv.rig.config.settings.RIG_NAMES`: these have the blade in air.
+    clock : FakeClock, optional
+        Clock of a fake rig.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If the file is missing or not valid.
+    RigError
+        If the rig is not there, or differs from its file.
+    """
+    emulator = None
+    with ExitStack() as stack:
+        if rig == FAKE:
+            from cutenv.rig.imitated.fake_benches import AirPlant
+            from cutenv.rig.imitated.fake_rig import FakeRig
+
+            fake = FakeRig(AirPlant, fake_settings(name=FAKE), clock=clock)
+            settings, plant = fake.settings, fake.plant
+        else:
+            from cutenv.rig.hardware import rig_plant
+
+            if rig in EMULATED:
+                from cutenv.rig.imitated.emulator.process import start
+
+                emulator = stack.enter_context(start(free_air=True, kind=rig))
+                settings = emulator.settings
+            else:
+                settings = read_rig_file(rig)
+            plant = rig_plant(settings, file=None if rig in EMULATED else rig)
+            stack.enter_context(undisturbed())
+        stack.callback(plant.close)
+        plant.open()
+        stack.enter_context(guarded(plant.supervisor))
+        plant.clock.sleep_until(plant.clock.now() + SETTLE)
+        try:
+            yield Connection(settings, plant)
+        except RigError as error:
+            if emulator is None or not (late := emulator.lateness):
+                raise
+            raise RigError(f"{error} ({late})") from error
+
+
+def operator_of(settings: RigSettings) -> Operator:
+    """Return the operator of a rig: a person at the terminal.
+
+    An emulated or fake rig has an automatic one.
+
+    Raises
+    ------
+    RigError
+        If there is no terminal.
+    """
+    return AutomaticOperator(settings) if settings.emulated else TerminalOperator()
+
+
+def settings_of(rig: str) -> RigSettings:
+    """Return the settings of a rig without connecting to it.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If its file is missing or not valid.
+    """
+    if rig in (SERIAL, GRBL):
+        own = slow_settings("", name=rig) if rig == SERIAL else grbl_settings("", "", name=rig)
+        return replace(own, emulated=True, armed_by="the emulator", calibration=_today())
+    return fake_settings(name=rig) if rig in (FAKE, EMULATOR) else read_rig_file(rig)
+
+
+def _today() -> SensorCalibration:
+    return SensorCalibration(date=date.today().isoformat())

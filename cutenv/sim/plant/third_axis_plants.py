@@ -1,0 +1,214 @@
+"""Simulated plants whose blade has a third axis.
+
+The blade of one also moves up and down, that of the other is steered along a drawn line.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from cutenv._base.arrays import Array, StructArray
+from cutenv._base.validation import in_range
+from cutenv.sim.cutting.descent import (
+    DESCENDING,
+    HIGHEST,
+    LOWEST,
+    DescentParameters,
+    descent_records,
+    layered_profiles,
+    shared_record,
+)
+from cutenv.sim.cutting.dtypes import profile_records
+from cutenv.sim.cutting.steering import STEERED, SteeringParameters, place_of_blade, place_of_tip, steering_records
+from cutenv.sim.plant.simulator import MAX_SPEED, SimulatedPlant
+from cutenv.sim.tissue.grid import LENGTH, SPACING
+from cutenv.sim.tissue.layers import Layers
+from cutenv.sim.tissue.lines import CutLine, length_within
+from cutenv.sim.tissue.specimen import Specimen
+
+
+class DescendingPlant(SimulatedPlant):
+    """A simulated specimen in layers, cut by a blade with height.
+
+    The blade is driven along the cut and up and down.
+
+    Parameters
+    ----------
+    specimen : Specimen
+        The tissue to cut.
+    layers : Layers, optional
+        Its layers over the depth; default those of its tissue, where they were measured, or one tissue throughout.
+    descent : DescentParameters, optional
+        Constants of the vertical motion.
+    level : float
+        Level of the blade at the start [m], upwards, -0.025 to 0.025.
+    **keywords
+        Those of :class:`~cutenv.sim.plant.SimulatedPlant`; ``depth`` is that of a blade at level 0.
+    """
+
+    motion = DESCENDING
+    further = ("descent_speed", MAX_SPEED, "m/s", "Speeds are in m/s: 5 mm/s is 0.005.")
+
+    def __init__(
+        self,
+        specimen: Specimen,
+        *,
+        layers: Layers | None = None,
+        descent: DescentParameters | None = None,
+        level: float = 0.0,
+        **keywords: Any,
+    ) -> None:
+        in_range("level", level, LOWEST, HIGHEST, "m", "5 mm below level 0 is -0.005.")
+        self._started = layers or specimen.tissue.layers, descent, level
+        super().__init__(specimen, **keywords)
+
+    def _begin(self) -> float:
+        layers, descent, level = self._started
+        descents, shared = descent_records([self.specimen], layers, descent), shared_record(self.specimen.tissue)
+        descents["level"] = descents["settled"] = descents["engaged"] = level
+        descents["floor"][:, 0] = level
+        self.cuts["profiles"] = layered_profiles(descents, shared["slab"][0])
+        self.cuts["motions"], self.shared = descents, shared
+        return LENGTH - SPACING
+
+    @property
+    def descents(self) -> StructArray:
+        """The vertical motion, :data:`~cutenv.sim.cutting.descent.DESCENT`, shape (1,)."""
+        descents: StructArray = self.cuts["motions"][0]
+        return descents
+
+    @property
+    def vertical_force(self) -> Array:
+        """True force of the tissue on the blade, upwards, during the last :meth:`advance`, shape (ticks,) [N]."""
+        return self._across
+
+    @property
+    def level(self) -> float:
+        """Level of the blade's lower end [m], upwards; 0 cuts as deep as the specimen's profile says."""
+        return float(self.descents["level"][0])
+
+    @property
+    def floor(self) -> Array:
+        """Depth of the cut below the surface at each point [m], shape (301,); 0 where nothing is cut."""
+        cut: Array = np.minimum(self.descents["surface"][0] - self.descents["floor"][0], self.specimen.thickness)
+        return cut
+
+    def advance(self, speed: float, angle: float, ticks: int, descent_speed: float = 0.0) -> StructArray:
+        """Command speeds along the cut and downwards [m/s] and an angle [rad] for ``ticks`` milliseconds.
+
+        Returns
+        -------
+        Records
+            Readings (:data:`cutenv.sim.cutting.dtypes.READING`), shape (ticks,); the force along the cut is measured.
+
+        Raises
+        ------
+        ValueError
+            If a command is out of range, or ``ticks`` is no whole number from 1.
+        """
+        return self._advance(speed, angle, ticks, descent_speed)
+
+
+MAX_TURN_RATE = 4.0
+"""Largest rate of turn of the blade [rad/s]: a bend of 6 mm at full speed."""
+
+
+class SteeredPlant(SimulatedPlant):
+    """A simulated specimen, cut by a steered blade.
+
+    The blade is driven where it points and turned to the left and right.
+
+    The specimen's profiles of modulus, toughness and depth lie along the line.
+
+    Parameters
+    ----------
+    specimen : Specimen
+        The tissue to cut.
+    line : CutLine
+        Line to cut along, see :mod:`cutenv.sim.tissue.lines`; the blade stands at its start and points along it.
+    steering : SteeringParameters, optional
+        Constants of the law in the plane.
+    **keywords
+        Those of :class:`~cutenv.sim.plant.SimulatedPlant`; ``angle`` is the inclination of the blade.
+
+    Raises
+    ------
+    ValueError
+        If the tissue relaxes: no law of relaxing tissue in the plane is known.
+    """
+
+    motion = STEERED
+    further = ("turn_rate", MAX_TURN_RATE, "rad/s", "Positive turns to the left.")
+
+    def __init__(
+        self, specimen: Specimen, line: CutLine, *, steering: SteeringParameters | None = None, **keywords: Any
+    ) -> None:
+        self.line, self._steering = line, steering
+        super().__init__(specimen, **keywords)
+        if (share := float(self.cuts["laws"]["relaxing_share"][0, 0])) != 0.0:
+            raise ValueError(
+                f"relaxing_share = {share:g}: a blade that is steered needs tissue that does not relax, 0."
+            )
+
+    def _begin(self) -> float:
+        profiles = profile_records([self.specimen])
+        self.cuts["motions"] = steering_records([self.specimen], [self.line], profiles, self._steering)
+        self.cuts["profiles"] = profiles
+        return length_within(self.line) - SPACING
+
+    @property
+    def steerings(self) -> StructArray:
+        """The place in the plane, :data:`~cutenv.sim.cutting.steering.STEERING`, shape (1,)."""
+        steerings: StructArray = self.cuts["motions"][0]
+        return steerings
+
+    @property
+    def lateral_force(self) -> Array:
+        """True force of the tissue on the blade, to its right, during the last :meth:`advance`, shape (ticks,) [N]."""
+        return self._across
+
+    @property
+    def blade(self) -> tuple[float, float]:
+        """Place of the blade, along and across the slab [m]."""
+        return place_of_blade(self.states, self.steerings)
+
+    @property
+    def tip(self) -> tuple[float, float]:
+        """Place of the crack tip, along and across the slab [m]; hidden on a rig."""
+        return place_of_tip(self.states, self.steerings)
+
+    @property
+    def heading(self) -> float:
+        """Direction in which the blade points: angle to the axis of the slab [rad], positive to the left."""
+        steering = self.steerings[0]
+        return math.atan2(steering["across"], steering["ahead"])
+
+    @property
+    def distance(self) -> float:
+        """Distance of the blade to the left of the line [m]."""
+        return float(self.steerings["aside"][0])
+
+    @property
+    def cut_distance(self) -> Array:
+        """Distance of the cut to the left of the line at each point that the tip has passed [m], shape (n,)."""
+        passed: Array = self.steerings["cut"][0][: self.steerings["cell"][0] + 1].copy()
+        return passed
+
+    def advance(self, speed: float, angle: float, ticks: int, turn_rate: float = 0.0) -> StructArray:
+        """Command a speed [m/s], an inclination [rad] and a turn to the left [rad/s] for ``ticks`` milliseconds.
+
+        Returns
+        -------
+        Records
+            Readings (:data:`cutenv.sim.cutting.dtypes.READING`), shape (ticks,); the force along the blade's direction
+            is measured, positions are arc lengths of the line.
+
+        Raises
+        ------
+        ValueError
+            If a command is out of range, or ``ticks`` is no whole number from 1.
+        """
+        return self._advance(speed, angle, ticks, turn_rate)

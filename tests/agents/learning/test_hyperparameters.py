@@ -1,0 +1,49 @@
+"""The hyper-parameters in RL Zoo's layout are the defaults of ``cutenv train``."""
+
+from __future__ import annotations
+
+import importlib
+import tomllib
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("sb3_contrib", reason="the learners are an extra: pip install 'cutenv[rl]'")
+
+from cutenv.agents.learning.seeds import ENVIRONMENT
+from cutenv.commands.train import LEARNERS
+
+FILE = Path(__file__).parents[3] / "agents" / "hyperparameters.toml"
+ALL = tomllib.loads(FILE.read_text())
+OURS = {"n_timesteps": "timesteps", "n_envs": "environments", "n_epochs": "epochs"}
+
+
+@pytest.mark.parametrize("program", ALL)
+def test_every_number_is_the_programs_default(program):
+    _, kind = LEARNERS[program.replace("_", "-")]
+    default = kind()
+    told = dict(ALL[program][ENVIRONMENT])
+    told.pop("policy", None)
+    groups = [told.pop(name) for name in ("env_kwargs", "policy_kwargs", "agent")]
+    ours = OURS | ({"n_steps": "rollout"} if hasattr(default, "rollout") else {})
+    flat = {ours.get(name, name): value for group in (told, *groups) for name, value in group.items()}
+    assert flat == {name: getattr(default, name) for name in flat}
+
+
+def test_every_learner_is_there():
+    assert {name.replace("_", "-") for name in ALL} == set(LEARNERS)
+
+
+@pytest.mark.parametrize("program", ["ppo", "recurrent_ppo"])
+def test_the_named_policy_is_the_models(program):
+    module = importlib.import_module(f"cutenv.agents.learning.{program}")
+    arguments = LEARNERS[program.replace("_", "-")][1](environments=2, rollout=8, batch_size=16)
+    model = module.LEARNER.new_model(arguments, arguments.training_environments())
+    assert type(model.policy).__name__ == ALL[program][ENVIRONMENT]["policy"]
+
+
+@pytest.mark.parametrize("program", ["sac", "tqc", "crossq"])
+def test_the_named_policy_is_that_of_the_off_policy_learner(program):
+    from cutenv.agents.learning.off_policy import OFF_POLICY
+
+    assert OFF_POLICY[program].policy.__name__ == ALL[program][ENVIRONMENT]["policy"]

@@ -1,0 +1,215 @@
+"""The main job as a user runs it, small: trains, evaluates, writes, and survives an interruption."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pytest
+from program import assert_training_goes_on, interrupted_at, run, run_afresh
+
+from cutenv.agents.policy import BASELINES, Features, TrainedPolicy
+from cutenv.agents.policy.features import feature_count
+
+stable_baselines3 = pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
+torch = pytest.importorskip("torch", reason="the learner is an extra: pip install 'cutenv[rl]'")
+
+from cutenv.agents.learning.arguments import PPOArguments  # noqa: E402
+from cutenv.agents.learning.on_policy import time_to_threshold  # noqa: E402
+
+SMALL = (
+    "--name", "small", "--environments", "4", "--rollout", "64", "--batch-size", "64", "--specimens", "2",
+    "--demonstrations", "2000", "--validations", "2", "--validation-specimens", "4",
+)  # fmt: skip
+FILES = (
+    "policy/policy.safetensors", "policy/card.json", "policy.zip", "checkpoint.zip", "scores.csv", "comparison.csv",
+    "summary.csv",
+    "differences.csv", "learning_curve.csv", "run.json", "cut.png", "report.html",
+)  # fmt: skip
+
+
+def train(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return run("train", folder, *arguments)
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    with path.open() as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    folder = tmp_path_factory.mktemp("training")
+    done = train(folder, *SMALL, "--timesteps", "1024")
+    assert done.returncode == 0, done.stderr
+    return folder / "runs" / "small", done.stdout
+
+
+def test_a_run_leaves_everything_it_names(finished):
+    run, printed = finished
+    assert [name for name in FILES if not (run / name).is_file()] == []
+    assert str(Path("runs") / "small") in printed
+
+
+def test_every_policy_met_the_same_specimens(finished):
+    scores = rows(finished[0] / "scores.csv")
+    seeds = {row["policy"]: [] for row in scores}
+    for row in scores:
+        seeds[row["policy"]].append(row["seed"])
+    assert set(seeds) == {"PPO", "PPO untrained", *BASELINES}
+    assert len({tuple(own) for own in seeds.values()}) == 1
+
+
+def test_agent_and_best_scripts_met_twenty_times_as_many(finished):
+    run, printed = finished
+    few = {row["seed"] for row in rows(run / "scores.csv")}
+    further = rows(run / "comparison.csv")
+    agent, *scripts = dict.fromkeys(row["policy"] for row in further)
+    assert agent == "PPO"
+    assert len(scripts) == 1 + ("return stroke" in scripts)  # the best one, and if it is the teacher, the best other
+    assert len(further) == (1 + len(scripts)) * 19 * len(few)
+    assert not few & {row["seed"] for row in further}
+    cuts = {(row["baseline"], row["score"]): float(row["cuts"]) for row in rows(run / "differences.csv")}
+    assert {cuts[script, score] for script in scripts for score in ("return", "success")} == {20 * len(few)}
+    assert {count for (baseline, _), count in cuts.items() if baseline not in scripts} == {len(few)}
+    assert f"({' and '.join(scripts)}: on {20 * len(few)} specimens)" in printed
+
+
+def test_it_is_told_when_the_agent_was_level_with_its_teacher_if_it_was(finished):
+    run, printed = finished
+    told = json.loads((run / "run.json").read_text())["level_with_script_after_s"]
+    assert told is None or told > 0.0
+    assert ("as good as 'return stroke' on the validation specimens after " in printed) is (told is not None)
+
+
+def test_it_can_be_asked_again_of_a_finished_run(finished):
+    folder = finished[0]
+    told = json.loads((folder / "run.json").read_text())["level_with_script_after_s"]
+    done = run("scripts/benchmarks/agents/time_to_threshold.py", folder, str(folder))
+    assert done.returncode == 0, done.stderr
+    after = "never" if told is None else f"after {told:.0f} s"
+    assert done.stdout.startswith(f"small: as good as 'return stroke' {after}, of ")
+
+
+def test_level_is_when_validation_first_reaches_what_the_script_gets():
+    easy = PPOArguments(validation_specimens=4, script="force feedback")
+    curve = [{"seconds": 1.0, "return": 9.0}] + [
+        {"seconds": 10.0 * n, "return": 0.0, "validation_return": value} for n, value in enumerate((-2.0, 0.99, 1.0), 1)
+    ]
+    assert time_to_threshold(easy, curve) == 20.0
+    assert time_to_threshold(easy, curve[:2]) is None
+
+
+def test_intervals_hold_their_means(finished):
+    for row in rows(finished[0] / "summary.csv"):
+        assert float(row["low_95"]) <= float(row["mean"]) <= float(row["high_95"])
+
+
+def test_training_and_test_seeds_are_disjoint(finished):
+    seeds = json.loads((finished[0] / "run.json").read_text())["seeds"]
+    assert max(seeds["training"]) < min(seeds["validation"])
+    assert max(seeds["validation"]) < min(seeds["test"])
+
+
+def test_the_exported_policy_acts_as_the_trained_one(finished):
+    run = finished[0]
+    model = stable_baselines3.PPO.load(run / "policy.zip", device="cpu")
+    policy = TrainedPolicy.load(run / "policy")
+    features = Features(**policy.card.features)
+    hidden = np.zeros(model.observation_space.shape[0] - features.size, np.float32)  # the actor must not look at it
+    env = gymnasium.make(policy.card.environment, **policy.environment_arguments)
+    observation, _ = env.reset(seed=1)
+    policy.reset(np.random.default_rng(0))
+    for _ in range(60):
+        shown = np.concatenate((features(observation), hidden))
+        expected, _ = model.predict(shown, deterministic=True)
+        action = policy(observation)
+        assert action == pytest.approx(np.clip(expected, -1.0, 1.0), abs=1e-5)
+        observation = env.step(action)[0]
+
+
+def test_the_actor_never_sees_what_the_critic_sees(finished):
+    model = stable_baselines3.PPO.load(finished[0] / "policy.zip", device="cpu")
+    size = model.observation_space.shape[0]
+    shown, other = np.zeros((2, size), np.float32)
+    other[feature_count(PPOArguments().history) :] = 3.0
+    assert other.any(), "nothing hidden is shown"
+    assert (model.predict(shown, deterministic=True)[0] == model.predict(other, deterministic=True)[0]).all()
+    with torch.no_grad():
+        values = model.policy.predict_values(torch.as_tensor(np.stack((shown, other))))
+    assert values[0] != values[1]
+
+
+def test_a_run_is_never_overwritten(finished):
+    again = train(finished[0].parents[1], *SMALL)
+    assert again.returncode != 0
+    assert "--resume" in again.stderr
+
+
+@pytest.mark.parametrize("learner", ["ppo", "recurrent_ppo", "sac", "tqc", "crossq", "bc", "iql"])
+def test_the_program_that_is_written_out_makes_the_same_policy(tmp_path, learner):
+    small = [
+        "--environments", "4", "--demonstrations", "1000", "--validations", "2", "--validation-specimens", "4",
+        "--specimens", "0", "--seed", "5",
+    ]  # fmt: skip
+    if learner in ("bc", "iql"):
+        small += ["--epochs", "4"]
+    elif learner in ("sac", "tqc", "crossq"):
+        small += ["--batch-size", "64", "--timesteps", "400", "--gradient-steps", "8", "--critic-first", "0"]
+    else:
+        small += ["--rollout", "64", "--batch-size", "64", "--timesteps", "1024", "--epochs", "2"]
+    name = learner.replace("_", "-")
+    written_out = run_afresh if learner == "ppo" else run  # one of them as a user starts it
+    for start, program, given in (
+        (written_out, f"agents/{learner}.py", "out"),
+        (run, f"train --learner {name}", "command"),
+    ):
+        done = start(program, tmp_path, *small, "--name", given)
+        assert done.returncode == 0, done.stderr
+    one, two = (tmp_path / "runs" / given / "policy" / "policy.safetensors" for given in ("out", "command"))
+    assert one.read_bytes() == two.read_bytes()
+
+
+def test_the_report_of_a_finished_run_can_be_made_again(finished, tmp_path):
+    again = shutil.copytree(finished[0], tmp_path / "again")
+    (again / "report.html").unlink()
+    done = run("evaluate", tmp_path, "--report", str(again), "--baselines-of", str(finished[0]))
+    assert done.returncode == 0, done.stderr
+    assert (again / "report.html").is_file()
+    one, two = (
+        {(row["policy"], row["seed"]): float(row["return"]) for row in rows(folder / "scores.csv")}
+        for folder in (again, finished[0])
+    )
+    assert one == two
+    nothing = run("evaluate", tmp_path, "--report", "runs/none")
+    assert nothing.returncode == 2
+    assert "runs/none contains no policy/card.json" in nothing.stderr
+
+
+def test_a_number_that_makes_no_sense_is_refused_before_any_work(tmp_path):
+    done = train(tmp_path, "--name", "bad", "--gamma", "1.5")
+    assert "--gamma 1.5 is outside 0.0 to 1.0" in done.stderr
+    assert not (tmp_path / "runs").exists()
+
+
+def test_an_interrupted_run_goes_on_training_from_its_checkpoint(tmp_path):
+    status, printed, _ = interrupted_at(
+        "train", tmp_path, "return", *SMALL, "--timesteps", "100000000"
+    )  # the bar shows a return after the first rollout in which a cut ended
+    assert status == 130
+    assert "checkpoint.zip is usable" in printed
+    assert "--resume runs/small" in printed
+    assert_training_goes_on("train", tmp_path, stable_baselines3.PPO, rollout=4 * 64)
+    assert (tmp_path / "runs" / "small" / "policy.zip").is_file()
+
+
+def test_resuming_nothing_says_what_is_missing(tmp_path):
+    done = train(tmp_path, "--resume", "runs/none")
+    assert done.returncode != 0
+    assert "contains no checkpoint.zip" in done.stderr
+    assert "Traceback" not in done.stderr

@@ -1,0 +1,37 @@
+"""Movements are kept in runs, and the planner's way is that of its cut."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cutenv.people.browser import HandCut
+from cutenv.people.browser.watched_cut import from_runs, in_runs, planned_way, way_of
+
+
+def test_runs_hold_every_movement_to_the_last_bit() -> None:
+    rows = np.random.default_rng(0).uniform(0.0, 0.1, (60, 3)).repeat(16, axis=0)
+    runs = in_runs(rows)
+    assert len(runs) == 60
+    assert from_runs(runs).tobytes() == rows.tobytes()
+    assert in_runs(rows[:0]) == []
+
+
+@pytest.mark.parametrize("damaged", [[], [[1.0]], [[0, 0.1, 1.5]], [[2, float("nan"), 1.5]]])
+def test_damaged_runs_are_refused(damaged: list[list[float]]) -> None:
+    with pytest.raises(ValueError, match="damaged"):
+        from_runs(damaged)
+
+
+def test_a_way_has_fifty_moments_a_second_and_the_end() -> None:
+    readings = HandCut().follow(np.stack([np.linspace(0.0, 0.02, 1510), np.full(1510, 1.5)], axis=-1))
+    way = way_of(readings, {"height": np.arange(1510.0), "vertical_force": np.zeros(1510)})
+    assert set(way) == {"time", "position", "angle", "force", "tip", "height"}
+    assert np.diff(way["time"][:-1]) == pytest.approx(0.02)
+    assert way["force"][-1] == pytest.approx(readings["force"][-1], abs=1e-3)
+
+
+def test_the_planner_ends_at_the_target_of_the_hands_specimen() -> None:
+    way = planned_way("liver", 3, 0, 0.07)
+    assert way["tip"][-1] == pytest.approx(0.07, abs=0.003)
+    assert max(way["time"]) < 30.0
