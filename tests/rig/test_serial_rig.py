@@ -95,6 +95,20 @@ def test_a_missing_port_is_named_with_those_that_are_there() -> None:
         drivers_of(slow_settings("/dev/no-board"))[0].open(Listening())
 
 
+@pytest.mark.parametrize("kind", [EmulatedSerialRig, EmulatedGrblRig])
+def test_a_port_is_closed_only_between_two_steps(kind: type[EmulatedSerialRig]) -> None:
+    """A step that is under way would read a terminal that is gone, or another file that got its number."""
+    emulated = kind()
+    with emulated.lock:  # as in the middle of a step
+        closing = threading.Thread(target=emulated.close)
+        closing.start()
+        until(emulated.stopped.is_set)
+        assert emulated.line.plugged
+    closing.join(5.0)
+    assert not emulated.line.plugged
+    emulated.step(0.0)
+
+
 def test_two_programs_on_one_port_are_refused_the_second(rig: EmulatedSerialRig, blade: tuple[Any, Listening]) -> None:
     with pytest.raises(RigError, match="another program has it"):
         drivers_of(settings_for(rig))[0].open(Listening())

@@ -325,7 +325,8 @@ class EmulatedSerialRig(EmulatedBench):
     def close(self) -> None:
         """Remove the port; may be called twice."""
         self.stopped.set()
-        self.line.close()
+        with self.lock:  # a step that is under way reads the line
+            self.line.close()
 
 
 class EmulatedGrblRig(EmulatedSerialRig):
@@ -383,4 +384,5 @@ class EmulatedGrblRig(EmulatedSerialRig):
     def close(self) -> None:
         """Remove the ports; may be called twice."""
         super().close()
-        self.machine.close()
+        with self.lock:
+            self.machine.close()
