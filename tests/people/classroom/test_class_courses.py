@@ -72,7 +72,7 @@ def test_new_codes_and_old_ones_get_a_course(two: Room) -> None:
 
 def test_a_cut_counts_in_its_course_and_again_when_its_person_comes_back(two: Room) -> None:
     person = two.person("P01")
-    assert cut_once(person, to_the_end())[0].json()["ahead"]["en"].endswith("all 1 tasks are done.")
+    assert cut_once(person, to_the_end())[0].json()["ahead"]["en"].endswith("is done: 1 of 1 tasks.")
     two.lesson.put(["P01"], course="nurses-2b")
     handed_out = begun(person)
     assert handed_out["specimen_class"] == "uniform"

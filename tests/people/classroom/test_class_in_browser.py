@@ -233,7 +233,7 @@ def test_the_last_card_of_a_course_stays_when_nothing_comes_next(browser: chromi
     before = browser.value(shown)
     browser.value("document.getElementById('start').click()")
     wait(browser, "cutenvPage.page.done && !cutenvPage.page.busy")
-    assert "all 1 tasks are done" in browser.value("document.getElementById('course').textContent")
+    assert "is done: 1 of 1 tasks" in browser.value("document.getElementById('course').textContent")
     assert all(before)
     assert browser.value(shown) == before
     assert browser.value("document.getElementById('start').disabled") is True

@@ -312,10 +312,10 @@ def test_the_command_walks_a_course_and_refuses_what_it_sets(
     assert cli.main([*options, "--scripted", "--cuts", "2"]) == 0
     said = capsys.readouterr()
     assert "Task 1 of 2, first" in said.err
-    assert said.out.splitlines()[-1] == "This cut counts. Course 'two': all 2 tasks are done."
+    assert said.out.splitlines()[-1] == "This cut counts. Course 'two' is done: 2 of 2 tasks."
     assert "overall score" not in said.out  # the last task shows nothing
     assert cli.main(options) == 2
-    assert "all 2 tasks are done" in capsys.readouterr().err
+    assert "is done: 2 of 2 tasks" in capsys.readouterr().err
 
 
 def test_a_course_is_read_without_the_window() -> None:
