@@ -2,9 +2,9 @@
 
     python -m scripts.drawings.architecture
 
-A row is a wing, drawn as one box or several: name, purpose and packages.  A module imports only from rows below
-its own.  Change the list when a wing changes; ``tests/documentation/test_pages.py`` checks that every package of
-``cutenv`` is in one box.
+A row is one package of ``cutenv``, or two that do not know each other, each with its purpose and the packages inside.
+A module imports only from rows below its own.  Change the list when a package changes;
+``tests/documentation/test_pages.py`` checks that every one is in a box.
 """
 
 from __future__ import annotations
@@ -20,26 +20,31 @@ PICTURE = ROOT / "assets" / "pictures" / "architecture.svg"
 class Wing(NamedTuple):
     """A box of the picture."""
 
-    name: str
-    does: str
     packages: tuple[str, ...]
+    does: str
     colour: str
+
+    @property
+    def parts(self) -> str:
+        """Names of the packages inside."""
+        inside = [path.parent.name for each in self.packages for path in (ROOT / "cutenv" / each).glob("*/__init__.py")]
+        return ", ".join(sorted(inside))
 
 
 ROWS = (
-    (Wing("commands", "the program cutenv and its commands", ("commands",), "#5b7db1"),),
-    (Wing("people", "cuts by hand: in a window, in a browser, in a class", ("people",), "#5b7db1"),),
-    (Wing("agents", "policies, learners, comparison of simulator and rig", ("agents",), "#3f8f6b"),),
-    (Wing("environments", "Gymnasium, and nowhere below", ("envs",), "#3f8f6b"),),
+    (Wing(("commands",), "the program cutenv and its commands", "#5b7db1"),),
+    (Wing(("people",), "cuts by hand: in a window, in a browser, in a class", "#5b7db1"),),
+    (Wing(("agents",), "policies, learners, comparison of simulator and rig", "#3f8f6b"),),
+    (Wing(("envs",), "Gymnasium environments", "#3f8f6b"),),
     (
-        Wing("rig", "safety, drivers, imitated rigs", ("rig",), "#b5574a"),
-        Wing("display", "pictures of a cut, report pages", ("display",), "#8a6fb0"),
+        Wing(("rig",), "safety, drivers, imitated rigs", "#b5574a"),
+        Wing(("display",), "pictures of a cut, report pages", "#8a6fb0"),
     ),
-    (Wing("vision", "what cameras and X-rays saw of a cut", ("vision",), "#8a6fb0"),),
-    (Wing("task", "observation, reward, ends", ("task",), "#3f8f6b"),),
-    (Wing("records", "files of cuts, measured and scored; the simulator is not seen", ("records",), "#8a6fb0"),),
-    (Wing("simulator", "tissue, cutting law, drive, sensor", ("sim",), "#8f6a1f"),),
-    (Wing("engine", "compiled kernels, random numbers, files, checks", ("_engine", "_base"), "#777777"),),
+    (Wing(("vision",), "what cameras and X-rays saw of a cut", "#8a6fb0"),),
+    (Wing(("task",), "observation, reward, ends", "#3f8f6b"),),
+    (Wing(("records",), "files of cuts, measured and scored; the simulator is not seen", "#8a6fb0"),),
+    (Wing(("sim",), "tissue, cutting law, drive, sensor", "#8f6a1f"),),
+    (Wing(("_engine", "_base"), "private: compiled kernels, random numbers, files, checks", "#777777"),),
 )
 
 WIDTH, HEIGHT, GAP, PAD = 860, 62, 10, 10
@@ -47,12 +52,12 @@ WIDTH, HEIGHT, GAP, PAD = 860, 62, 10, 10
 
 def box(wing: Wing, x: float, y: float, width: float) -> str:
     """Return a wing as SVG."""
-    packages = ", ".join(wing.packages)
+    name = ", ".join(wing.packages)
     return (
         f'<rect x="{x:g}" y="{y:g}" width="{width:g}" height="{HEIGHT}" rx="6" fill="{wing.colour}"/>'
-        f'<text x="{x + 12:g}" y="{y + 23:g}" font-size="16" font-weight="bold">{escape(wing.name)}</text>'
+        f'<text x="{x + 12:g}" y="{y + 23:g}" font-size="16" font-weight="bold">{escape(name)}</text>'
         f'<text x="{x + 12:g}" y="{y + 41:g}" font-size="12">{escape(wing.does)}</text>'
-        f'<text x="{x + 12:g}" y="{y + 55:g}" font-size="10.5" font-family="monospace">{escape(packages)}</text>'
+        f'<text x="{x + 12:g}" y="{y + 55:g}" font-size="10.5" font-family="monospace">{escape(wing.parts)}</text>'
     )
 
 
