@@ -132,7 +132,7 @@ def test_an_environments_page_lists_every_argument(site: Path, page: str) -> Non
 
 
 def test_the_python_api_shows_functions_with_their_arguments(site: Path) -> None:
-    text = (site / "reference" / "api" / "scoring.html").read_text(encoding="utf-8")
+    text = (site / "reference" / "api" / "records.scoring.html").read_text(encoding="utf-8")
     assert 'id="cutenv.records.scoring.score"' in text
     assert ":class:`" not in text
     for name in METRICS:

@@ -16,7 +16,7 @@ PAGES = (
     "index.html",
     "concepts/cutting-law.html",
     "environments/gentle-cut.html",
-    "reference/api/policy.html",
+    "reference/api/agents.policy.html",
     "results/leaderboard.html",
 )
 SEARCH = """(() => {
@@ -31,6 +31,7 @@ PATIENCE_S = 20.0
 
 @pytest.mark.parametrize("page", PAGES)
 def test_a_page_fetches_nothing_and_fits_a_phone(browser: chromium.Browser, site: Path, page: str) -> None:
+    assert (site / page).is_file()
     browser.open(site / page, 400, dark=True)
     assert browser.value("document.documentElement.scrollWidth") <= 400
     assert not [address for address in browser.requests() if not address.startswith(("file:", "data:", "blob:"))]
