@@ -118,7 +118,7 @@ def test_an_emulated_rig_loads_no_fake() -> None:
 
 
 def test_the_spine_loads_no_plant_no_compiler_and_no_policy() -> None:
-    """What has to be believed where a blade moves is the rig, and what it is configured by."""
+    """The rig and its configuration alone have to be believed where a blade moves."""
     loaded = set(run(
         "import sys\nfrom cutenv.rig.spine_process import serve_spine\nfrom cutenv.rig.spine import mounted_spine\n"
         "from cutenv.rig.devices.host import SystemClock\nfrom cutenv.rig.config.settings import RigSettings\n"
