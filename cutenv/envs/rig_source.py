@@ -89,6 +89,10 @@ class FakeSpecimens:
         )
         return None
 
+    def take_away(self) -> None:
+        """Remove the specimen."""
+        self._rig.take_away()
+
 
 class EmulatedSpecimens:
     """Supply that lays drawn specimens on an emulated rig.
@@ -107,6 +111,10 @@ class EmulatedSpecimens:
             raise RigError("an emulated rig cuts drawn specimens only.")
         self._control.mount(key.specimen, seed=key.seed, episode=key.episode, layers=self.layers, line=self.line)
         return None
+
+    def take_away(self) -> None:
+        """Remove the specimen."""
+        self._control.free_air()
 
 
 _OPTIONS = {

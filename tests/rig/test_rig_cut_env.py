@@ -149,6 +149,20 @@ def test_after_a_stop_the_operator_is_asked_before_the_next_cut():
     env.close()
 
 
+def test_a_specimen_that_holds_the_blade_at_the_force_limit_is_taken_off_before_the_next_cut():
+    env = RigCutEnv(rig="fake", lower_limits={"force": 4.0})
+    asked, confirm = [], env.session.operator.confirm
+    env.session.operator.confirm = lambda question, **more: asked.append(question) or confirm(question, **more)
+    _, info, _ = cut(env, "constant 2.54 cm/s 90 deg", seed=2)
+    assert info["stop"]["cause"] == "force limit"
+    assert abs(fake_of(env).felt()) > 3.5
+    env.reset(seed=3)
+    assert sum("Take the specimen off the blade" in question for question in asked) == 1
+    assert abs(fake_of(env).felt()) < 0.5
+    assert not env.step(np.array([0.5, 1.0], np.float32))[2]
+    env.close()
+
+
 def test_nothing_moves_without_the_operators_typed_word():
     env = RigCutEnv(rig="fake", operator=ScriptedOperator([("will move", "yes")]))
     with pytest.raises(RigError, match="not confirmed"):

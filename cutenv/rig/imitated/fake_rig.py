@@ -276,6 +276,7 @@ class FakeRig:
         self._counts = (0, 0, 0, 0, 0, 0)
         self._held: tuple[float, float, float] = (0.0, 0.0, 0.0)
         self._pending: list[tuple[float, ForceSample]] = []
+        self._taken_away = False
         self._ramped = self._stuck_at = self._turn_stuck_at = 0.0
         self._shown_across = dict.fromkeys(self.across, 0.0)
         self._turns: list[Repeating] = [
@@ -290,6 +291,11 @@ class FakeRig:
         self.bench = self._make(self.settings)
         self._ramped = self.sensor.zero = 0.0
         self.sensor.last.clear()
+        self._taken_away = False
+
+    def take_away(self) -> None:
+        """Remove the specimen where the blade stands, which from here on feels nothing of it."""
+        self._taken_away = True
 
     def listen(self, axis: str, listener: MotionListener | None) -> None:
         """Set the listener of an axis."""
@@ -302,7 +308,10 @@ class FakeRig:
 
     def felt(self) -> float:
         """Return the force along the cut in the sensor, before its zero [N]."""
-        return self.bench.force + self.faults.extra_force + self._ramped
+        return self._tissue_force(self.bench.force) + self.faults.extra_force + self._ramped
+
+    def _tissue_force(self, force: float) -> float:
+        return 0.0 if self._taken_away else force
 
     def report_emergency(self, code: int, meaning: str, axis: str = "blade") -> None:
         """Let a drive, the blade's or another, report an error and stop by itself."""
@@ -364,8 +373,8 @@ class FakeRig:
             self.sensor.last.append(force)
             felt = [math.nan if faults.force_nan else force, faults.side_force, 0.0]
             for name, axis in self._crossing.items():
-                more = getattr(faults, name).force
-                felt["xyz".index(axis.force_axis)] += axis.force_sign * (self.bench.cross_force(name) + more)
+                force = self._tissue_force(self.bench.cross_force(name)) + getattr(faults, name).force
+                felt["xyz".index(axis.force_axis)] += axis.force_sign * force
             flicker = self._sequence * _PRIME % 1009
             counts = [round(_COUNTS * force) + flicker % 2, flicker, flicker, flicker, flicker, flicker]
             if faults.axis_frozen is not None:

@@ -24,7 +24,7 @@ from cutenv.rig.operation.operator import Operator
 from cutenv.rig.operation.preflight import SETTLE, Check, prepare
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.oversight import guarded
-from cutenv.rig.safety.stop_causes import ENDS_SESSION, WATCH, RigStopped
+from cutenv.rig.safety.stop_causes import ENDS_SESSION, WATCH, Cause, RigStopped
 from cutenv.rig.travel import RAISE_SPEED
 from cutenv.sim.tissue.grid import depth_below
 from cutenv.sim.tissue.specimen import Specimen
@@ -97,6 +97,10 @@ class SpecimenSource(Protocol):
         """Lay a specimen; return its measured depth of cut, shape (301,) [m], or None if the caller knows it."""
         ...
 
+    def take_away(self) -> None:
+        """Remove the specimen that holds the blade; it may be anywhere in its travel."""
+        ...
+
 
 class SpecimensByHand:
     """Supply by a person, who has measured each specimen's depth.
@@ -141,9 +145,14 @@ class SpecimensByHand:
         except (OSError, ValueError) as error:
             raise RigError(f"the depth of the specimen is not known: {error}") from error
 
+    def take_away(self) -> None:
+        """Do nothing: the operator was asked, and has taken it away."""
+
 
 RETURN_SPEED = 0.005
 """Speed of the return to the clamp between cuts [m/s]: always slow."""
+_HELD = (Cause.FORCE, Cause.TORQUE)
+"""Causes that last for as long as the specimen holds the blade at rest."""
 _ATTEMPTS = 3  # to reach the clamp; the operator agrees to each
 _PATIENCE = 1.0  # [s] for readings to be fresh again after this computer was busy
 START_POSITION = 0.0
@@ -293,8 +302,13 @@ class RigSession:
         """Reset a stop if the operator agrees, prepare if necessary, and release."""
         supervisor = self.plant.supervisor
         if (why := supervisor.latched) is not None:
-            question = f"The blade was stopped ({why}). Is the cause removed, and may the stop be reset?"
-            supervisor.reset(agreed=self.operator.confirm(question))
+            held = supervisor.report is not None and supervisor.report.cause in _HELD
+            cure = "Take the specimen off the blade: held by it, it would be stopped again. " if held else ""
+            question = f"The blade was stopped ({why}). {cure}Is the cause removed, and may the stop be reset?"
+            agreed = self.operator.confirm(question)
+            if agreed and held:
+                self._supply.take_away()
+            supervisor.reset(agreed=agreed)
             self.checks = []
         if not self.checks:
             self.checks = prepare(self.plant, self.operator, today=self._today, in_air=self._air is None)
