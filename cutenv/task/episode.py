@@ -157,7 +157,7 @@ class Episode:
         self.record = np.zeros(1, self.task.episode)
         """Record of the episode, :attr:`~cutenv.task.declare.Task.episode` of shape (1,)."""
         self.record["tasks"] = task_record(
-            goal.weights, goal.limits, target_length=goal.target_length, deadline=goal.deadline,
+            goal.weights, goal.limits, target=goal.target_length, deadline=goal.deadline,
             friction_per_depth=goal.friction_per_depth, speeds=(goal.tissue.speed_min, goal.tissue.speed_max),
         )  # fmt: skip
         self.record["nominals"] = nominal_profile(goal.tissue, plant.depth)

@@ -386,21 +386,14 @@ def greatest_action(speed: float) -> float:
 
 
 def task_record(
-    weights: RewardWeights,
-    limits: Limits,
-    *,
-    target_length: float,
-    deadline: float,
-    friction_per_depth: float,
-    speeds: tuple[float, float],
+    weights: RewardWeights, limits: Limits, *, speeds: tuple[float, float], **numbers: float
 ) -> StructArray:
-    """Return one task as a :data:`TASK` array, shape (1,); lengths [m], times [s], friction [N/m], speeds [m/s]."""
+    """Return one task as a :data:`TASK` array, shape (1,), from least and greatest speed [m/s] and its other fields."""
     task = np.zeros(1, TASK)
     for field in dataclasses.fields(weights):
         task[field.name] = getattr(weights, field.name)
     task["force_limit_per_depth"] = limits.force_limit_per_depth
-    task["target"] = target_length
-    task["deadline"] = deadline
-    task["friction_per_depth"] = friction_per_depth
+    for name, number in numbers.items():
+        task[name] = number
     task["speed_min"], task["speed_max"] = speeds
     return task

@@ -170,3 +170,23 @@ def test_a_word_of_a_dialect_is_noticed_wherever_a_user_meets_it(tmp_path: Path)
         "UNTOLD = 1\nclass Rig:\n laid: int = 0\n def move(self, *, beside): ...\n def _told(self, told): ...\n"
     )
     assert public_names(tmp_path / "one.py") == {"one", "UNTOLD", "Rig", "laid", "move", "self", "beside"}
+
+
+WIDE, WIDEST = 60, 9
+ENVIRONMENTS = {"envs/gentle_cut.py:GentleCutEnv", "envs/rig_cut.py:RigCutEnv"}
+"""Classes whose keywords are the options of an environment, which Gymnasium passes one by one."""
+
+
+def test_functions_take_records_rather_than_many_numbers() -> None:
+    counts = {}
+    for path in sorted((ROOT / "cutenv").rglob("*.py")):
+        for owner in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            for function in ast.iter_child_nodes(owner):
+                if isinstance(function, ast.FunctionDef):
+                    taken = [*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs]
+                    count = sum(argument.arg not in ("self", "cls") for argument in taken)
+                    of = function.name if not isinstance(owner, ast.ClassDef) else owner.name
+                    counts[f"{path.relative_to(ROOT / 'cutenv').as_posix()}:{of}", function.lineno] = count
+    wide = {place: count for place, count in counts.items() if count > 5}
+    assert len(wide) <= WIDE, f"merge some arguments into a record: {sorted(wide)}"
+    assert {place for (place, _), count in wide.items() if count > WIDEST} == ENVIRONMENTS

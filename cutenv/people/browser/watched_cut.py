@@ -115,18 +115,17 @@ def shown_cut(
     movements: list[list[float]] = []
     while seed < _MOST_SHOWN:
         seed += 1
-        movements, success = _watching(specimen_class, seed, target_length, task, line, tissue)
+        movements, success = _watching(
+            task, line, specimen_class=specimen_class, seed=seed, target_length=target_length, tissue=tissue
+        )
         if success:
             break
     return seed, movements
 
 
-def _watching(
-    specimen_class: str, seed: int, target_length: float | None, task: str, line: str | None, tissue: str | Path | None
-) -> tuple[list[list[float]], bool]:
+def _watching(task: str, line: str | None, **key: Any) -> tuple[list[list[float]], bool]:
     of_line: dict[str, Any] = {} if line is None else {"line": line}
-    key: dict[str, Any] = {"specimen_class": specimen_class, "seed": seed, "target_length": target_length}
-    cut = TASKS[task].hand(**key, tissue=tissue, **of_line)
+    cut = TASKS[task].hand(**key, **of_line)
     device = cut.watching_hand()
     rows: list[list[float]] = []
     while not cut.end:

@@ -212,14 +212,14 @@ def _object(name: str, notes: list[str]) -> None:
 def _hdf5_variables(path: Path, notes: list[str]) -> dict[str, Any]:
     h5py = optional_import("h5py", "h5py", "A file of MATLAB 7.3", extra="formats")
     with h5py.File(path, "r") as file:
-        return {name: _hdf5_plain(h5py, file, name, file[name], notes) for name in file if not name.startswith("#")}
+        return {name: _hdf5_plain(h5py, name, file[name], notes) for name in file if not name.startswith("#")}
 
 
-def _hdf5_plain(h5py: Any, file: Any, name: str, item: Any, notes: list[str], depth: int = 0) -> Any:
+def _hdf5_plain(h5py: Any, name: str, item: Any, notes: list[str], depth: int = 0) -> Any:
     if "MATLAB_object_decode" in item.attrs or depth > _DEEPEST:
         return _object(name, notes)
     if isinstance(item, h5py.Group):
-        return {key: _hdf5_plain(h5py, file, f"{name}.{key}", item[key], notes, depth + 1) for key in item}
+        return {key: _hdf5_plain(h5py, f"{name}.{key}", item[key], notes, depth + 1) for key in item}
     kind = item.attrs.get("MATLAB_class", b"").decode()
     if item.attrs.get("MATLAB_empty", 0):
         return [] if kind in ("char", "cell") else np.zeros(0)
@@ -228,7 +228,7 @@ def _hdf5_plain(h5py: Any, file: Any, name: str, item: Any, notes: list[str], de
         return ["".join(map(chr, row)).strip() for row in np.atleast_2d(values).astype(int)]
     if values.dtype == h5py.ref_dtype:
         cells = [
-            _hdf5_plain(h5py, file, f"{name}_{k}", file[each], notes, depth + 1)
+            _hdf5_plain(h5py, f"{name}_{k}", item.file[each], notes, depth + 1)
             for k, each in enumerate(values.reshape(-1), 1)
         ]
         if all(isinstance(cell, list) and len(cell) <= 1 for cell in cells):

@@ -154,13 +154,12 @@ class MappedReadings:
         left_out = list(table.left_out)
         columns, force_unit = columns_in_si(table, mapping, notes)
         places = {field: [table.index(name) for name in mapping.expression(field).columns] for field in mapping.fields}
-        cells = {place: table.typed(place) for group in places.values() for place in group}
-        for place, each in cells.items():
-            if each.doubt:
-                notes.append(f"column {table.header(place)!r}: {each.doubt}.")
+        for place in dict.fromkeys(place for group in places.values() for place in group):
+            if doubt := table.typed(place).doubt:
+                notes.append(f"column {table.header(place)!r}: {doubt}.")
         kept = np.arange(len(table))
         kept = _joined(columns, kept, notes)
-        kept = _finite(table, columns, places, cells, kept, left_out)
+        kept = _finite(table, columns, places, kept, left_out)
         kept = _without_spikes(table, columns, kept, left_out)
         force = columns.pop("force")
         time = columns.pop("time", None)
@@ -174,7 +173,7 @@ class MappedReadings:
             force=force,
             sensed={field: values[:, 0] for field, values in columns.items()},
             force_unit=force_unit,
-            of_day=any(cells[place].kind in ("clock", "date") for place in places.get("time", ())),
+            of_day=any(table.typed(place).kind in ("clock", "date") for place in places.get("time", ())),
             left_out=left_out,
             notes=notes,
         )
@@ -370,7 +369,7 @@ def columns_in_si(
     for field in mapping.fields:
         expression = mapping.expression(field)
         places = [table.index(name) for name in expression.columns]
-        unit = _unit_of(table, field, expression, places, notes, guess=guess)
+        unit = _unit_of(table, field, expression, notes, guess=guess)
         force_unit = unit if field == "force" and unit == "1" else force_unit
         if expression.value is not None:
             values = np.full((len(table), 1), expression.value)
@@ -444,7 +443,6 @@ def _finite(
     table: NamedColumns,
     columns: dict[str, Array],
     places: dict[str, list[int]],
-    cells: dict[int, CellValues],
     kept: RowNumbers,
     left_out: list[LeftOut],
 ) -> RowNumbers:
@@ -456,7 +454,7 @@ def _finite(
     row = int(np.argmax(lost))
     field = next(name for name, each in bad.items() if each[row])
     first = places[field][0] if places[field] else None
-    place = next((k for k in places[field] if not np.isfinite(cells[k].values[kept[row]])), first)
+    place = next((k for k in places[field] if not np.isfinite(table.typed(k).values[kept[row]])), first)
     where = f"{table.row_name} {table.lines[kept[row]]}"
     if place is not None:
         where += f": {table.text(place)[kept[row]][:40]!r} in column {table.header(place)!r}"
@@ -533,10 +531,9 @@ def _set_position(columns: dict[str, Array], notes: list[str]) -> None:
         notes.append(f"position: counted from {1e3 * origin:.4g} mm, where the record starts.")
 
 
-def _unit_of(
-    table: NamedColumns, field: str, expression: Expression, places: list[int], notes: list[str], *, guess: bool
-) -> str:
+def _unit_of(table: NamedColumns, field: str, expression: Expression, notes: list[str], *, guess: bool) -> str:
     """Return the unit of a field from the mapping or the file; else the plausible one, but never for force."""
+    places = [table.index(name) for name in expression.columns]
     header = {unit for place in places if (unit := _header_unit(table, place, field, expression)) is not None}
     if len(header) > 1:
         raise RecordError(

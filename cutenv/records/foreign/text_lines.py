@@ -9,7 +9,7 @@ import json
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from cutenv.records.foreign.cell_values import MOMENT_PATTERN, NUMBER_PATTERNS
 from cutenv.records.schema import UTF_16, RecordError, check_beginning
@@ -52,23 +52,18 @@ def text_lines(path: Path) -> list[str]:
     raise RecordError(path, "it is no text in UTF-8, UTF-16 or Windows' encoding. Save it as UTF-8.")
 
 
-class Tabled:
+class Tabled(NamedTuple):
     """Names, cells and line numbers of a text without a table.
 
-    The `kind` of its layout; stated `facts`.
+    The `kind` of its layout; number of `odd` lines; stated `facts`.
     """
 
-    def __init__(
-        self,
-        kind: str,
-        names: Sequence[str],
-        rows: list[list[str]],
-        lines: list[int],
-        odd: int,
-        facts: Sequence[str] = (),
-    ) -> None:
-        self.kind, self.names, self.rows, self.lines, self.odd = kind, tuple(names), rows, lines, odd
-        self.facts = facts
+    kind: str
+    names: Sequence[str]
+    rows: list[list[str]]
+    lines: list[int]
+    odd: int
+    facts: Sequence[str] = ()
 
 
 def tabled(lines: Sequence[str]) -> Tabled | None:

@@ -74,7 +74,7 @@ def sniff_table(path: Path, lines: list[str] | None = None) -> NamedColumns:
         lost = (LeftOut(count=parted.odd, reason="lines of another form"),) if parted.odd else ()
         columns = NamedColumns(
             path=path,
-            headers=parted.names,
+            headers=tuple(parted.names),
             n_columns=len(cells),
             lines=np.array(parted.lines),
             about=parted.kind,
