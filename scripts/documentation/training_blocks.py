@@ -1,9 +1,8 @@
-"""Tables of training runs: of the page on training, and the short one of the README, which is taken from it."""
+"""Tables of training runs: of the page on training, and the short one of the README, from the leaderboard's."""
 
 from __future__ import annotations
 
 import json
-import re
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +11,10 @@ import numpy as np
 from cutenv.agents.learning.statistics import mean_with_interval, rows_of
 from cutenv.agents.policy import CONSTANT_FEEDS, ORACLE, SCRIPTS
 from scripts import ROOT
-from scripts.documentation.page_blocks import block_of
 from scripts.tables import markdown_table
 
+SUMMARY = ROOT / "assets" / "benchmark" / "summary.csv"
+"""Summary of the leaderboard."""
 SCORES = ("return", "success", "tip_error_mm", "peak_force_N", "time_s")
 
 
@@ -100,40 +100,48 @@ def together(runs: list[Path], agent: str, script: str) -> dict[str, str]:
 
 
 def results() -> str:
-    """Return the short table of the README, taken from the blocks of the page on training."""
-    block = block_of(ROOT / "docs" / "results" / "training.md", "training")
-    policies, seeds = (table_of(lines) for lines in re.findall(r"(?:^\|.*\n)+", block, re.MULTILINE))
-    rows = {row["policy"]: row for row in policies}
-    *_, script = (seed["best script"] for seed in seeds)
-    constant = next(name for name in rows if name in CONSTANT_FEEDS)
+    """Return the short table of the README: PPO of all training runs of the leaderboard, scripts and planner."""
+    rows = {
+        (row["contestant"], row["score"], row["statistic"]): row
+        for row in read_csv(SUMMARY)
+        if row["specimen_class"] == "mixed"
+    }
+    script = max(SCRIPTS, key=lambda name: float(rows[name, "return", "mean"]["value"]))
     shown = {
         ORACLE: "planner with truth, which sees the hidden state",
         "PPO": "PPO",
         script: f"best script ({script})",
-        constant: f"best constant feed ({constant.removeprefix('constant ')})",
+        "best constant feed": "best constant feed",
         "random": "random",
     }
-    columns = ("return", "success", "tip error [mm]", "peak force [N]")
-    table = markdown_table(
-        ("policy", *columns), [(label, *(rows[name][column] for column in columns)) for name, label in shown.items()]
-    )
-    return f"{table}\n\n{verdict(seeds)}"
+    lines = [
+        (
+            label,
+            summary_text(rows[name, "return", "mean"]),
+            summary_text(rows[name, "success", "mean"], 0, 100.0),
+            *(summary_text(rows[name, score, "interquartile mean"]) for score in ("tip_error_mm", "peak_force_N")),
+        )
+        for name, label in shown.items()
+    ]
+    difference = rows["PPO", f"return minus {script}", "mean"]
+    runs = round(float(difference["cuts"]) / float(rows[script, "return", "mean"]["cuts"]))
+    found = (float(difference[name]) for name in ("value", "low_95", "high_95"))
+    heading = ("policy", "return", "success [%]", "tip error [mm]", "peak force [N]")
+    return f"{markdown_table(heading, lines)}\n\n{verdict(*found, runs)}"
 
 
-def verdict(seeds: list[dict[str, str]]) -> str:
-    """Return the sentence about agent and script, from the table of training seeds."""
-    count = len([row for row in seeds if row["seed"] != "all"])
-    mean, low, high = map(float, re.findall(r"-?\d+\.\d+", seeds[-1]["agent minus script: return"]))
-    about = f"{abs(mean):.2f} of return (95 % interval of the paired difference [{low:.2f}, {high:.2f}]"
-    runs = "one training seed" if count == 1 else f"{count} training seeds"
+def summary_text(row: dict[str, str], digits: int = 2, factor: float = 1.0) -> str:
+    """Return a value of the leaderboard's summary with its interval."""
+    value, low, high = (f"{factor * float(row[name]):.{digits}f}" for name in ("value", "low_95", "high_95"))
+    return f"{value} [{low}, {high}]"
+
+
+def verdict(mean: float, low: float, high: float, count: int) -> str:
+    """Return the sentence about agent and script, from their difference in ``count`` training runs."""
+    runs = "one training run" if count == 1 else f"{count} training runs"
+    about = f"{abs(mean):.3f} of return (95 % interval of the paired difference [{low:.3f}, {high:.3f}], {runs})"
     if low > 0.0:
-        return f"PPO beats the best script by {about}, {runs})."
+        return f"PPO beats the best script by {about}."
     if high < 0.0:
-        return f"PPO is worse than the best script by {about}, {runs})."
-    return f"PPO against the best script is undecided: they differ by {about}, {runs})."
-
-
-def table_of(text: str) -> list[dict[str, str]]:
-    """Return the rows of a Markdown table by column."""
-    header, _, *rows = ([cell.strip() for cell in line.strip("| ").split(" | ")] for line in text.strip().splitlines())
-    return [dict(zip(header, row, strict=True)) for row in rows]
+        return f"PPO is worse than the best script by {about}."
+    return f"PPO against the best script is undecided: they differ by {about}."
