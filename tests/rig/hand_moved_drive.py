@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 
-from cutenv.rig.imitated.emulator.assembly import BLADE
+from cutenv.rig.imitated.emulator.canopen_rig import BLADE
 from cutenv.rig.imitated.emulator.emulated_axis import EmulatedAxis
 from cutenv.rig.imitated.emulator.hub import Frame
 from cutenv.rig.imitated.emulator.mechanics import Mechanics

@@ -10,7 +10,7 @@ from hand_moved_drive import INCREMENT, MILLI_RPM_PER_M_S, SYNC, HandMovedDrive
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cutenv.rig.imitated.emulator.assembly import BLADE, HINGE
+from cutenv.rig.imitated.emulator.canopen_rig import BLADE, HINGE
 from cutenv.rig.imitated.emulator.hub import Frame
 from cutenv.rig.imitated.emulator.mechanics import (
     MODE_RAMP,

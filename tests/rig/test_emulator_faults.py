@@ -12,7 +12,7 @@ from hand_moved_drive import INCREMENT, SYNC, HandMovedDrive
 
 from cutenv.rig.config.settings import across
 from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.emulator.assembly import EmulatedRig, Options
+from cutenv.rig.imitated.emulator.canopen_rig import EmulatedRig, Options
 from cutenv.rig.imitated.emulator.emulated_bench import FAULTS, parsed_fault
 from cutenv.rig.imitated.emulator.mechanics import EmulatedTissue
 

@@ -11,7 +11,7 @@ import pytest
 
 from cutenv.commands import cli
 from cutenv.rig.config.settings import fake_settings
-from cutenv.rig.imitated.emulator.assembly import RANGES, EmulatedRig, Options
+from cutenv.rig.imitated.emulator.canopen_rig import RANGES, EmulatedRig, Options
 from cutenv.rig.imitated.emulator.process import emulated_settings
 from cutenv.rig.imitated.fake_benches import AirPlant
 from cutenv.rig.imitated.fake_rig import FakeRig

@@ -15,7 +15,7 @@ from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.config.settings import across
 from cutenv.rig.devices.canopen.objects import HOMED
 from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.emulator.assembly import EmulatedRig, Options
+from cutenv.rig.imitated.emulator.canopen_rig import EmulatedRig, Options
 from cutenv.rig.imitated.emulator.control import answered
 from cutenv.rig.imitated.emulator.hub import Frame
 from cutenv.rig.imitated.emulator.mechanics import ARM, EmulatedTissue

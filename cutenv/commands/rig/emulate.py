@@ -20,7 +20,7 @@ from cutenv.rig.config.settings import Axis
 
 if TYPE_CHECKING:
     from cutenv.rig.config.mounted_specimen import MountedSpecimen
-    from cutenv.rig.imitated.emulator.assembly import Options
+    from cutenv.rig.imitated.emulator.canopen_rig import Options
     from cutenv.rig.imitated.emulator.serial_rig import SerialOptions
 
 _ROTOR_INERTIA_PER_MASS = (Axis().lead / (2.0 * math.pi * Axis().gear)) ** 2  # [m2]
@@ -122,7 +122,7 @@ def _serial_options(arguments: argparse.Namespace) -> SerialOptions:
 
 def _options(arguments: argparse.Namespace) -> Options:
     from cutenv.rig.config.settings import across
-    from cutenv.rig.imitated.emulator.assembly import Options
+    from cutenv.rig.imitated.emulator.canopen_rig import Options
     from cutenv.rig.imitated.emulator.mechanics import Mechanics, hinge
     from cutenv.sim.cutting.dtypes import LawParameters
     from cutenv.sim.cutting.sensor import SensorParameters

@@ -32,7 +32,7 @@ from cutenv.rig.errors import RigError
 from cutenv.task.registry import TASKS
 
 if TYPE_CHECKING:
-    from cutenv.agents.sim_to_real.evaluation_result import Evaluation
+    from cutenv.agents.sim_to_real.comparison_report import Evaluation
     from cutenv.agents.sim_to_real.paired_experiment import ProgressCallback
     from cutenv.agents.sim_to_real.sequential_experiment import RigComparison
     from cutenv.envs.gentle_cut import GentleCutEnv
@@ -65,7 +65,7 @@ def main(argv: Sequence[str]) -> int:
 
 def _evaluated(arguments: argparse.Namespace) -> Evaluation:
     from cutenv.agents.sim_to_real import FEWEST_SPECIMENS
-    from cutenv.agents.sim_to_real.evaluation_result import Evaluation
+    from cutenv.agents.sim_to_real.comparison_report import Evaluation
     from cutenv.agents.sim_to_real.paired_experiment import paired_experiment, save_records
     from cutenv.commands.rig.run import chosen_policy
     from cutenv.rig.operation.suitability import simulator_keywords
@@ -233,7 +233,7 @@ def _check_out(arguments: argparse.Namespace) -> None:
 
 def _write(arguments: argparse.Namespace, evaluation: Evaluation) -> None:
     from cutenv._base.output import atomic_write
-    from cutenv.agents.sim_to_real.evaluation_result import write_evaluation
+    from cutenv.agents.sim_to_real.comparison_report import write_evaluation
 
     if arguments.json is not None:
         with atomic_write(arguments.json) as part:

@@ -56,14 +56,14 @@ OPTIONS = "options"
 """Name of the table of a driver's own keys, as in ``[blade.options]``."""
 SHIPPED_DRIVERS: Mapping[DriverKind, Mapping[str, str]] = {
     DriverKind.MOTION: {
-        "canopen": "cutenv.rig.devices.mounted:mounted_axis",
+        "canopen": "cutenv.rig.devices.standard_drivers:mounted_axis",
         "serial": "cutenv.rig.devices.serial.board_drivers:StepperAxis",
         "grbl": "cutenv.rig.drivers.grbl_axis:GrblAxis",
     },
     DriverKind.FORCE: {
         "analogue": "cutenv.rig.drivers.analogue_sensor:AnalogueSensor",
         "bota": "cutenv.rig.drivers.bota_sensor:bota_sensor",
-        "netft": "cutenv.rig.devices.mounted:mounted_sensor",
+        "netft": "cutenv.rig.devices.standard_drivers:mounted_sensor",
         "robotiq": "cutenv.rig.drivers.robotiq_sensor:robotiq_sensor",
         "serial": "cutenv.rig.devices.serial.board_drivers:LoadCell",
     },

@@ -24,7 +24,7 @@ from reading import Page
 from recorded_cut import recorded_cut
 
 from cutenv.agents.sim_to_real import ClockKept
-from cutenv.agents.sim_to_real.evaluation_result import UNPAIRED, Evaluation, evaluation_headline, write_evaluation
+from cutenv.agents.sim_to_real.comparison_report import UNPAIRED, Evaluation, evaluation_headline, write_evaluation
 from cutenv.display.report import write_training_page
 from cutenv.display.report.pass_mark_page import pass_mark_headline, write_pass_mark_page
 from cutenv.display.report.score_page import ScoredRecord, write_score_page, write_summary

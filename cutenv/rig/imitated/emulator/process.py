@@ -40,7 +40,7 @@ from cutenv.rig.devices.host import prefer
 from cutenv.rig.drivers.analogue_sensor import AnalogueOptions
 from cutenv.rig.drivers.slow_profile import grbl_settings, slow_settings
 from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.emulator.assembly import RANGES, EmulatedRig, Options
+from cutenv.rig.imitated.emulator.canopen_rig import RANGES, EmulatedRig, Options
 from cutenv.rig.imitated.emulator.control import ControlServer, EmulatorControl
 from cutenv.rig.imitated.emulator.emulated_bench import STALL, EmulatedBench
 from cutenv.rig.imitated.emulator.mechanics import position_control, turn_motor
