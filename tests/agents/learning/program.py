@@ -20,6 +20,23 @@ from unittest import mock
 from cutenv.commands import cli
 
 ROOT = Path(__file__).parents[3]
+COMMON = ("--name", "small", "--environments", "4", "--validations", "2", "--validation-specimens", "4")
+TRIAL = (*COMMON, "--rollout", "64", "--batch-size", "64")
+OFF_POLICY = (
+    *COMMON, "--demonstrations", "800", "--timesteps", "600", "--gradient-steps", "4", "--batch-size", "32",
+    "--specimens", "0", "--critic-first", "0", "--hidden", "16", "--critic-hidden", "16",
+)  # fmt: skip
+SMALL = {
+    "ppo": (*TRIAL, "--specimens", "2", "--demonstrations", "2000", "--timesteps", "1024", "--tensorboard"),
+    "recurrent-ppo": (
+        *TRIAL, "--specimens", "0", "--demonstrations", "1000", "--timesteps", "2048", "--epochs", "2",
+        "--cloning-epochs", "1", "--critic", "features", "--tensorboard",
+    ),
+    **dict.fromkeys(("sac", "tqc", "crossq"), OFF_POLICY),
+    "bc": (*COMMON, "--specimens", "0", "--demonstrations", "1000", "--epochs", "4", "--tensorboard"),
+    "iql": (*COMMON, "--specimens", "0", "--demonstrations", "800", "--epochs", "4", "--hidden", "8", "--history", "0"),
+}  # fmt: skip
+"""Options of a small run of each learner."""
 
 
 def command(program: str) -> list[str]:
@@ -56,20 +73,6 @@ def run(program: str, folder: Path, *arguments: str) -> subprocess.CompletedProc
             traceback.print_exc()
             status = 1
     return subprocess.CompletedProcess([*command(program), *arguments], status or 0, out.getvalue(), errors.getvalue())
-
-
-def interrupted(program: str, folder: Path, checkpoint: str, *arguments: str) -> tuple[int, str]:
-    """Run until there is a checkpoint, press Ctrl-C; its status and what it printed."""
-    process = subprocess.Popen(
-        [*command(program), *arguments],
-        cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
-        env=os.environ | {"PYTHONUNBUFFERED": "1"},
-    )  # fmt: skip
-    deadline = time.monotonic() + 600.0  # on a busy machine the first checkpoint may take minutes
-    while not list(folder.glob(f"runs/*/{checkpoint}")) and process.poll() is None and time.monotonic() < deadline:
-        time.sleep(0.05)
-    printed, _ = ctrl_c(process)
-    return process.returncode, printed
 
 
 def interrupted_at(program: str, folder: Path, pattern: str, *arguments: str) -> tuple[int, str, str]:
@@ -129,9 +132,14 @@ def assert_training_goes_on(program: str, folder: Path, algorithm: Any, rollout:
     assert longer[len(kept)]["seconds"] >= before.checkpoint_extras["seconds"] - 0.1  # rounded
 
 
-def _points(run_folder: Path) -> list[dict[str, float]]:
-    path = run_folder / "learning_curve.csv"
+def rows(path: Path) -> list[dict[str, str]]:
+    """Rows of a CSV file; none where there is no file."""
     if not path.is_file():
         return []
-    with path.open() as file:
-        return [{name: float(row[name]) for name in ("decisions", "seconds")} for row in csv.DictReader(file)]
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def _points(run_folder: Path) -> list[dict[str, float]]:
+    curve = rows(run_folder / "learning_curve.csv")
+    return [{name: float(row[name]) for name in ("decisions", "seconds")} for row in curve]

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import csv
 import json
 from pathlib import Path
 
 import pytest
-from program import run
+from program import rows, run
 
 torch = pytest.importorskip("torch", reason="the learner is an extra: pip install 'cutenv[rl]'")
 pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
@@ -28,8 +27,8 @@ SMALL = BCArguments(
 
 
 def points(folder: Path) -> list[dict[str, float]]:
-    with (folder / "learning_curve.csv").open() as file:
-        return [{name: float(value) for name, value in row.items() if value} for row in csv.DictReader(file)]
+    curve = rows(folder / "learning_curve.csv")
+    return [{name: float(value) for name, value in row.items() if value} for row in curve]
 
 
 def cloned_for_two_epochs(folder: Path, monkeypatch: pytest.MonkeyPatch, seconds: float) -> None:

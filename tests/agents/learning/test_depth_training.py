@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 import json
 import re
@@ -10,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from program import run
+from program import rows, run
 
 from cutenv.agents.policy import TrainedPolicy, gentle_policy
 from cutenv.agents.policy.depth_policies import DEPTH_SCRIPTS, DepthByTwoForces, DepthFeatures
@@ -35,11 +34,6 @@ SMALL = (
     "--task", "depth", "--name", "small", "--environments", "4", "--rollout", "32", "--batch-size", "64",
     "--timesteps", "256", "--validations", "1", "--validation-specimens", "2", "--specimens", "2",
 )  # fmt: skip
-
-
-def rows(path: Path) -> list[dict[str, str]]:
-    with path.open() as file:
-        return list(csv.DictReader(file))
 
 
 @pytest.fixture(scope="module")

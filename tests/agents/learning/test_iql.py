@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
-from program import run
 
 torch = pytest.importorskip("torch", reason="the learner is an extra: pip install 'cutenv[rl]'")
 pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
@@ -18,16 +16,11 @@ from cutenv.agents.learning.iql import Agent, ImplicitQLearning, transition_data
 from cutenv.agents.policy import TrainedPolicy  # noqa: E402
 from cutenv.agents.policy.features import feature_count  # noqa: E402
 
-SMALL = (
-    "--name", "small", "--environments", "4", "--demonstrations", "800", "--validations", "2", "--hidden", "8",
-    "--validation-specimens", "4", "--specimens", "0", "--history", "0", "--epochs", "4",
-)  # fmt: skip
-
 
 def bandit() -> Transitions:
     """Cuts of two decisions; the reward, at the end, is the first decision's first number, which noise hides."""
     rng = np.random.default_rng(0)
-    inputs, count = feature_count(0), 4000
+    inputs, count = feature_count(0), 2000
     observations = np.zeros((count, inputs), np.float32)
     observations[1::2, 0] = 1.0
     actions = rng.uniform(-1.0, 1.0, (count, 2)).astype(np.float32)
@@ -54,15 +47,8 @@ def test_actions_with_better_ends_are_imitated_more_and_at_temperature_zero_all_
     assert abs(second) < 0.25  # of no consequence
 
 
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("iql")
-    done = run("train --learner iql", folder, *SMALL)
-    assert done.returncode == 0, done.stderr
-    return folder / "runs" / "small"
-
-
-def test_a_run_writes_a_policy_and_tells_its_teachers(finished):
+def test_a_run_writes_a_policy_and_tells_its_teachers(trained):
+    finished, _ = trained("iql")
     policy = TrainedPolicy.load(finished / "policy")
     assert policy.card.training["agent"] == "IQL"
     assert json.loads((finished / "run.json").read_text())["taught_by"]["script"] == "return stroke, probe and creep"
@@ -74,31 +60,6 @@ def test_the_exported_network_acts_as_the_fitted_one():
     features = np.random.default_rng(0).uniform(-1.0, 1.0, (20, feature_count(0) + 3)).astype(np.float32)
     expected, _ = agent.predict(features, None, None, True)
     assert agent.network()(features[:, :-3]) == pytest.approx(expected, abs=1e-5)
-
-
-def test_an_interrupted_run_goes_on_as_if_it_had_not_been(finished, tmp_path, monkeypatch):
-    from cutenv.agents.learning import bc
-
-    save = bc.save_checkpoint
-
-    def interrupted(path, agent, learning, seconds):
-        save(path, agent, learning, seconds)
-        if learning.epoch == 2:
-            raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-        patch.setattr(bc, "save_checkpoint", interrupted)
-        stopped = run("train --learner iql", tmp_path, *SMALL)
-    assert stopped.returncode == 130
-    done = run("train", tmp_path, "--resume", "runs/small")
-    assert done.returncode == 0, done.stderr
-    assert "resuming after 2 epochs" in done.stdout
-    from safetensors.numpy import load_file
-
-    one, two = (load_file(folder / "checkpoint.safetensors") for folder in (finished, tmp_path / "runs" / "small"))
-    assert one.keys() == two.keys()
-    for name in one:
-        assert np.array_equal(one[name], two[name]), name
 
 
 def test_half_of_the_data_are_each_scripts():

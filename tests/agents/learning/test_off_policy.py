@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
+import shutil
 from pathlib import Path
 
-import gymnasium
 import numpy as np
 import pytest
-from program import run
+from program import rows, run
 
 pytest.importorskip("sb3_contrib", reason="the learners are an extra: pip install 'cutenv[rl]'")
 torch = pytest.importorskip("torch", reason="the learners are an extra: pip install 'cutenv[rl]'")
@@ -17,53 +16,18 @@ torch = pytest.importorskip("torch", reason="the learners are an extra: pip inst
 from cutenv.agents.learning.arguments import BadArguments, SACArguments  # noqa: E402
 from cutenv.agents.learning.cloning import script_demonstrations  # noqa: E402
 from cutenv.agents.learning.off_policy import OFF_POLICY, imitate, network, remember  # noqa: E402
-from cutenv.agents.policy import Features, TrainedPolicy  # noqa: E402
 from cutenv.commands.train import LEARNERS  # noqa: E402
-
-SMALL = (
-    "--name", "small", "--environments", "4", "--demonstrations", "800", "--timesteps", "600", "--gradient-steps", "4",
-    "--batch-size", "32", "--validations", "2", "--validation-specimens", "4", "--specimens", "0",
-    "--critic-first", "0", "--hidden", "16", "--critic-hidden", "16",
-)  # fmt: skip
-
-
-@pytest.fixture(scope="module", params=list(OFF_POLICY))
-def finished(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
-    folder = tmp_path_factory.mktemp(request.param)
-    done = run(f"train --learner {request.param}", folder, *SMALL)
-    assert done.returncode == 0, done.stderr
-    return request.param, folder / "runs" / "small"
 
 
 def decisions(folder: Path) -> list[float]:
-    with (folder / "learning_curve.csv").open() as file:
-        return [float(row["decisions"]) for row in csv.DictReader(file)]
+    return [float(row["decisions"]) for row in rows(folder / "learning_curve.csv")]
 
 
-def test_the_exported_policy_acts_as_the_trained_one(finished):
-    learner, folder = finished
-    model = OFF_POLICY[learner].algorithm.load(folder / "policy.zip", device="cpu")
-    policy = TrainedPolicy.load(folder / "policy")
-    assert policy.card.output == "tanh"
-    features = Features(**policy.card.features)
-    hidden = np.full(model.observation_space.shape[0] - features.size, 9.0, np.float32)  # the actor must not look at it
-    env = gymnasium.make(policy.card.environment, **policy.environment_arguments)
-    observation, _ = env.reset(seed=1)
-    policy.reset(np.random.default_rng(0))
-    acted = []
-    for _ in range(60):
-        shown = np.concatenate((features(observation), hidden))
-        expected, _ = model.predict(shown, deterministic=True)
-        acted.append(policy(observation))
-        assert acted[-1] == pytest.approx(expected, abs=2e-5)
-        observation = env.step(acted[-1])[0]
-    assert np.ptp(acted) > 0.1, "an agent that always does the same would prove nothing"
-
-
-def test_a_resumed_run_goes_on_from_its_checkpoint_with_the_demonstrations(finished):
-    learner, folder = finished
+@pytest.mark.parametrize("learner", OFF_POLICY)
+def test_a_resumed_run_goes_on_from_its_checkpoint_with_the_demonstrations(trained, tmp_path, learner):
+    folder = shutil.copytree(trained(learner)[0], tmp_path / "runs" / "small")
     before = OFF_POLICY[learner].algorithm.load(folder / "checkpoint.zip", device="cpu")
-    done = run("train", folder.parents[1], "--resume", "runs/small", "--timesteps", "1200")
+    done = run("train", tmp_path, "--resume", "runs/small", "--timesteps", "1200")
     assert done.returncode == 0, done.stderr
     assert "resuming after 600 decisions" in done.stdout
     assert "the replay buffer begins again, with the demonstrations" in done.stdout

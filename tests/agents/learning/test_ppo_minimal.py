@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import ast
-import csv
 from pathlib import Path
 
 import pytest
-from program import run
+from program import rows, run
 
 torch = pytest.importorskip("torch", reason="the learner is an extra: pip install 'cutenv[rl]'")
 
@@ -15,7 +14,7 @@ import ppo_gru  # noqa: E402
 import ppo_minimal  # noqa: E402
 
 MARGIN = 0.2
-"""Rise of the mean return on 100 held-out specimens; seeds 0 to 2 rose by 0.44, 0.29 and 0.25."""
+"""Rise of the mean return on 100 held-out specimens; seeds 0 to 2 rose by 0.32, 0.30 and 0.22."""
 
 
 @pytest.mark.parametrize(("agent", "lines"), [(ppo_minimal, 300), (ppo_gru, 360)])
@@ -44,7 +43,7 @@ def untrained(args):
 
 
 def test_it_learns_and_does_not_without_a_learning_rate():
-    args = ppo_minimal.Args(total_decisions=400_000, seed=1)
+    args = ppo_minimal.Args(total_decisions=200_000, num_steps=128, num_minibatches=8, learning_rate=5e-4, seed=1)
     before, _ = ppo_minimal.evaluate(untrained(args), 100)
     agent, curve = ppo_minimal.train(args, verbose=False)
     after, _ = ppo_minimal.evaluate(agent, 100)
@@ -78,8 +77,8 @@ def test_from_less_than_doing_nothing_to_cuts_that_mostly_succeed(tmp_path, seed
     pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
     done = run("train", tmp_path, "--name", "learns", "--seed", str(seed), *ONE_MINUTE)
     assert done.returncode == 0, done.stderr
-    with (tmp_path / "runs" / "learns" / "learning_curve.csv").open() as file:
-        validated = [row for row in csv.DictReader(file) if row["validation_return"]]
+    curve = rows(tmp_path / "runs" / "learns" / "learning_curve.csv")
+    validated = [row for row in curve if row["validation_return"]]
     assert float(validated[0]["validation_return"]) < NOTHING + 0.2
     best = max(validated, key=lambda row: float(row["validation_return"]))
     assert float(best["validation_return"]) > 0.35

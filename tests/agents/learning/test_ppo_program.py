@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import shutil
-import subprocess
+from collections.abc import Callable
 from pathlib import Path
 
-import gymnasium
 import numpy as np
 import pytest
-from program import assert_training_goes_on, interrupted_at, run, run_afresh
+from program import SMALL, assert_training_goes_on, interrupted_at, rows, run, run_afresh
 
-from cutenv.agents.policy import BASELINES, Features, TrainedPolicy
+from cutenv.agents.policy import BASELINES
 from cutenv.agents.policy.features import feature_count
 
 stable_baselines3 = pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
@@ -22,10 +20,6 @@ torch = pytest.importorskip("torch", reason="the learner is an extra: pip instal
 from cutenv.agents.learning.arguments import PPOArguments  # noqa: E402
 from cutenv.agents.learning.on_policy import time_to_threshold  # noqa: E402
 
-SMALL = (
-    "--name", "small", "--environments", "4", "--rollout", "64", "--batch-size", "64", "--specimens", "2",
-    "--demonstrations", "2000", "--validations", "2", "--validation-specimens", "4",
-)  # fmt: skip
 FILES = (
     "policy/policy.safetensors", "policy/card.json", "policy.zip", "checkpoint.zip", "scores.csv", "comparison.csv",
     "summary.csv",
@@ -33,21 +27,9 @@ FILES = (
 )  # fmt: skip
 
 
-def train(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return run("train", folder, *arguments)
-
-
-def rows(path: Path) -> list[dict[str, str]]:
-    with path.open() as file:
-        return list(csv.DictReader(file))
-
-
 @pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    folder = tmp_path_factory.mktemp("training")
-    done = train(folder, *SMALL, "--timesteps", "1024")
-    assert done.returncode == 0, done.stderr
-    return folder / "runs" / "small", done.stdout
+def finished(trained: Callable[[str], tuple[Path, str]]) -> tuple[Path, str]:
+    return trained("ppo")
 
 
 def test_a_run_leaves_everything_it_names(finished):
@@ -110,29 +92,6 @@ def test_intervals_hold_their_means(finished):
         assert float(row["low_95"]) <= float(row["mean"]) <= float(row["high_95"])
 
 
-def test_training_and_test_seeds_are_disjoint(finished):
-    seeds = json.loads((finished[0] / "run.json").read_text())["seeds"]
-    assert max(seeds["training"]) < min(seeds["validation"])
-    assert max(seeds["validation"]) < min(seeds["test"])
-
-
-def test_the_exported_policy_acts_as_the_trained_one(finished):
-    run = finished[0]
-    model = stable_baselines3.PPO.load(run / "policy.zip", device="cpu")
-    policy = TrainedPolicy.load(run / "policy")
-    features = Features(**policy.card.features)
-    hidden = np.zeros(model.observation_space.shape[0] - features.size, np.float32)  # the actor must not look at it
-    env = gymnasium.make(policy.card.environment, **policy.environment_arguments)
-    observation, _ = env.reset(seed=1)
-    policy.reset(np.random.default_rng(0))
-    for _ in range(60):
-        shown = np.concatenate((features(observation), hidden))
-        expected, _ = model.predict(shown, deterministic=True)
-        action = policy(observation)
-        assert action == pytest.approx(np.clip(expected, -1.0, 1.0), abs=1e-5)
-        observation = env.step(action)[0]
-
-
 def test_the_actor_never_sees_what_the_critic_sees(finished):
     model = stable_baselines3.PPO.load(finished[0] / "policy.zip", device="cpu")
     size = model.observation_space.shape[0]
@@ -146,32 +105,19 @@ def test_the_actor_never_sees_what_the_critic_sees(finished):
 
 
 def test_a_run_is_never_overwritten(finished):
-    again = train(finished[0].parents[1], *SMALL)
+    again = run("train", finished[0].parents[1], *SMALL["ppo"])
     assert again.returncode != 0
     assert "--resume" in again.stderr
 
 
-@pytest.mark.parametrize("learner", ["ppo", "recurrent_ppo", "sac", "tqc", "crossq", "bc", "iql"])
-def test_the_program_that_is_written_out_makes_the_same_policy(tmp_path, learner):
-    small = [
-        "--environments", "4", "--demonstrations", "1000", "--validations", "2", "--validation-specimens", "4",
-        "--specimens", "0", "--seed", "5",
-    ]  # fmt: skip
-    if learner in ("bc", "iql"):
-        small += ["--epochs", "4"]
-    elif learner in ("sac", "tqc", "crossq"):
-        small += ["--batch-size", "64", "--timesteps", "400", "--gradient-steps", "8", "--critic-first", "0"]
-    else:
-        small += ["--rollout", "64", "--batch-size", "64", "--timesteps", "1024", "--epochs", "2"]
-    name = learner.replace("_", "-")
-    written_out = run_afresh if learner == "ppo" else run  # one of them as a user starts it
-    for start, program, given in (
-        (written_out, f"agents/{learner}.py", "out"),
-        (run, f"train --learner {name}", "command"),
-    ):
-        done = start(program, tmp_path, *small, "--name", given)
-        assert done.returncode == 0, done.stderr
-    one, two = (tmp_path / "runs" / given / "policy" / "policy.safetensors" for given in ("out", "command"))
+@pytest.mark.parametrize("learner", SMALL)
+def test_the_program_that_is_written_out_makes_the_same_policy(trained, tmp_path, learner):
+    start = run_afresh if learner == "bc" else run  # one of them as a user starts it
+    done = start(f"agents/{learner.replace('-', '_')}.py", tmp_path, *SMALL[learner])
+    assert done.returncode == 0, done.stderr
+    one, two = (
+        folder / "policy" / "policy.safetensors" for folder in (trained(learner)[0], tmp_path / "runs" / "small")
+    )
     assert one.read_bytes() == two.read_bytes()
 
 
@@ -192,14 +138,14 @@ def test_the_report_of_a_finished_run_can_be_made_again(finished, tmp_path):
 
 
 def test_a_number_that_makes_no_sense_is_refused_before_any_work(tmp_path):
-    done = train(tmp_path, "--name", "bad", "--gamma", "1.5")
+    done = run("train", tmp_path, "--name", "bad", "--gamma", "1.5")
     assert "--gamma 1.5 is outside 0.0 to 1.0" in done.stderr
     assert not (tmp_path / "runs").exists()
 
 
 def test_an_interrupted_run_goes_on_training_from_its_checkpoint(tmp_path):
     status, printed, _ = interrupted_at(
-        "train", tmp_path, "return", *SMALL, "--timesteps", "100000000"
+        "train", tmp_path, "return", *SMALL["ppo"], "--timesteps", "100000000", "--specimens", "0"
     )  # the bar shows a return after the first rollout in which a cut ended
     assert status == 130
     assert "checkpoint.zip is usable" in printed
@@ -209,7 +155,7 @@ def test_an_interrupted_run_goes_on_training_from_its_checkpoint(tmp_path):
 
 
 def test_resuming_nothing_says_what_is_missing(tmp_path):
-    done = train(tmp_path, "--resume", "runs/none")
+    done = run("train", tmp_path, "--resume", "runs/none")
     assert done.returncode != 0
     assert "contains no checkpoint.zip" in done.stderr
     assert "Traceback" not in done.stderr

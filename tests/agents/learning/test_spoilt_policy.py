@@ -8,19 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from kept_policy import ABOUT, SIZE, change_card, network, swap_weights
+from kept_policy import SIZE, change_card, network, swap_weights
 
 from cutenv.agents.policy import trained
-from cutenv.agents.policy.trained import CARD, WEIGHTS, TrainedPolicy, save_policy
+from cutenv.agents.policy.trained import CARD, WEIGHTS, TrainedPolicy
 from cutenv.task.observation import COMPONENTS
 
 pytest.importorskip("safetensors", reason="policies are kept with an extra: pip install 'cutenv[rl]'")
-
-
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    save_policy(tmp_path / "policy", network(), **ABOUT)
-    return tmp_path / "policy"
 
 
 def check_refused(folder: Path, file: str, found: str) -> None:

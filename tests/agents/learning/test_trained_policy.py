@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from kept_policy import ABOUT, SIZE, actions, network, observations
 
@@ -19,12 +19,6 @@ from cutenv.agents.policy.trained import CARD, WEIGHTS, PolicyCard, TrainedPolic
 from cutenv.task.observation import COMPONENTS
 
 pytest.importorskip("safetensors", reason="policies are kept with an extra: pip install 'cutenv[rl]'")
-
-
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    save_policy(tmp_path / "policy", network(), **ABOUT)
-    return tmp_path / "policy"
 
 
 def test_a_policy_read_back_acts_exactly_as_before(folder):
@@ -96,6 +90,7 @@ CARDS = st.builds(
 )
 
 
+@settings(max_examples=40)
 @given(CARDS)
 def test_any_card_is_read_back_exactly(card):
     assert PolicyCard.from_json(card.to_json()) == card
