@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import sys
 
@@ -43,6 +44,7 @@ def paid(policy, seed: int, weights: dict[str, float] | None = None, **keywords:
     return cut.scores()
 
 
+@functools.cache
 def row_that_ends(end: str) -> tuple[dict, int]:
     keywords, policy = ENDINGS[end]
     return next((row, seed) for seed in range(60) if (row := paid(policy, seed, **keywords))["end"] == end)

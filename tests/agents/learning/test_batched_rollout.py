@@ -7,7 +7,14 @@ import pytest
 from whole_cut import go_on, make
 
 from cutenv.agents.learning import evaluation
-from cutenv.agents.learning.evaluation import METRIC_PREFIX, Contestant, batched_rollout, evaluate, metric_column
+from cutenv.agents.learning.evaluation import (
+    METRIC_PREFIX,
+    Contestant,
+    batched_rollout,
+    evaluate,
+    metric_column,
+    workers,
+)
 from cutenv.agents.learning.seeds import ENVIRONMENT, TEST_SEEDS
 from cutenv.agents.policy import (
     BASELINES,
@@ -96,7 +103,8 @@ def test_the_scores_are_those_of_all_readings_and_any_chunks_give_the_same_rows(
     assert [row["seed"] for row in rows[:12]] == list(TEST_SEEDS[:12])
     monkeypatch.setattr(evaluation, "_BATCH", 5)
     assert evaluate(contestants, TEST_SEEDS[:12], shared) == rows
-    measured = evaluate(contestants, TEST_SEEDS[:12], shared, metrics=True, processes=2)
+    with workers(1) as pool:
+        measured = evaluate(contestants, TEST_SEEDS[:12], shared, metrics=True, pool=pool)
     assert [{name: row[name] for name in rows[0]} for row in measured] == rows
     cuts = batched_rollout(policy, TEST_SEEDS[:12], shared | policy.environment_arguments, readings=True)
     assert measured[:12] == [{"policy": "trained", **cut.scores(), **cut.metrics()} for cut in cuts]

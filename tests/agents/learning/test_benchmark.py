@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import subprocess
 from pathlib import Path
+from types import SimpleNamespace
+from typing import TextIO
 
 import gymnasium
 import numpy as np
@@ -318,7 +321,15 @@ def test_a_policy_from_before_the_actor_learned_is_recorded_as_its_start(tmp_pat
     assert benchmark.facts(Part("PPO", 0))["kept_its_start"] is kept
 
 
-def test_an_interrupted_training_goes_on_and_one_without_checkpoint_begins_anew(tmp_path):
+def trained_here(command: list[str], *, cwd: Path, stdout: TextIO, **_: object) -> subprocess.CompletedProcess[str]:
+    """Run ``python -m cutenv COMMAND`` in this process, which has the learners loaded."""
+    done = run(command[3], cwd, *command[4:])
+    stdout.write(done.stdout + done.stderr)
+    return done
+
+
+def test_an_interrupted_training_goes_on_and_one_without_checkpoint_begins_anew(tmp_path, monkeypatch):
+    monkeypatch.setattr(program, "subprocess", SimpleNamespace(run=trained_here))
     benchmark = Benchmark(tmp_path, TINY, ("behaviour cloning",), processes=1, seeds=1)
     assert [part.slug for part in benchmark.untrained()] == ["behaviour-cloning-seed0"]
     torn = tmp_path / "runs" / "behaviour-cloning-seed0"

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from program import run
 
 minari = pytest.importorskip("minari", reason="data sets are an extra: pip install 'cutenv[data]'")
 pytest.importorskip("h5py", reason="data sets are an extra: pip install 'cutenv[data]'")
@@ -26,7 +25,8 @@ from cutenv.agents.policy import Features  # noqa: E402
 from cutenv.commands.datasets import Arguments, cuts_of  # noqa: E402
 from cutenv.records import save  # noqa: E402
 from cutenv.sim.cutting.dtypes import TICK  # noqa: E402
-from cutenv.sim.plant import Leg, SimulatedPlant, run, to_trace  # noqa: E402
+from cutenv.sim.plant import Leg, SimulatedPlant, to_trace  # noqa: E402
+from cutenv.sim.plant.protocol import run as follow  # noqa: E402
 from cutenv.sim.tissue import Specimen  # noqa: E402
 from cutenv.sim.trace import Trace  # noqa: E402
 from cutenv.task.observation import commanded_speed, in_units  # noqa: E402
@@ -48,7 +48,7 @@ def trace() -> Trace:
     """Make a record of a cut to 70 mm at 1.27 cm/s with a return stroke and a rest."""
     plant = SimulatedPlant(Specimen.mean())
     legs = [Leg(position=0.0785, speed=0.0127, dwell=0.2), Leg(position=0.068, speed=0.005, dwell=0.6)]
-    return to_trace(plant, run(plant, legs), target_length_m=0.07, operator="P07")
+    return to_trace(plant, follow(plant, legs), target_length_m=0.07, operator="P07")
 
 
 @pytest.mark.parametrize("policy", ["probe and creep", "ppo-free", "planner with truth"])
@@ -293,12 +293,12 @@ def test_bad_arguments_are_refused_in_words(given: dict[str, Any], told: str) ->
 
 
 def test_the_program_records_and_says_where(kept: Path, tmp_path: Path) -> None:
-    program = [sys.executable, "-m", "cutenv", "datasets", "--dataset", ID, "--policy", "nothing", "--cuts", "1"]
-    done = subprocess.run(program, capture_output=True, text=True, check=False, cwd=tmp_path)
+    given = ("--dataset", ID, "--policy", "nothing", "--cuts", "1")
+    done = run("datasets", tmp_path, *given)
     assert done.returncode == 0, done.stderr
     assert f"1 cuts, 300 decisions in {kept / ID}" in done.stdout
     assert minari.load_dataset(ID).total_steps == 300
-    again = subprocess.run(program, capture_output=True, text=True, check=False, cwd=tmp_path)
+    again = run("datasets", tmp_path, *given)
     assert again.returncode != 0
     assert "Traceback" not in again.stderr
     assert "give another id" in again.stderr

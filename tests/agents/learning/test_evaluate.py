@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from program import command
+from program import command, run
 
 from cutenv.agents.learning.arguments import PPOArguments
 from cutenv.agents.learning.evaluation import Contestant, batched_rollout, contestant, evaluate
@@ -260,10 +260,7 @@ def test_specimens_are_drawn_of_a_tissue_of_ones_own(tmp_path, capsys):
 
 def test_the_program_compares_a_trained_policy_with_a_baseline(folder, tmp_path):
     arguments = (str(folder), "nothing", "--specimens", "2", "--processes", "1", "--out", "scores")
-    done = subprocess.run(
-        [sys.executable, "-m", "cutenv", "evaluate", *arguments],
-        cwd=tmp_path, capture_output=True, text=True, check=False, timeout=120,
-    )  # fmt: skip
+    done = run("evaluate", tmp_path, *arguments)
     assert done.returncode == 0, done.stderr
     assert "2 held-out specimens of class mixed" in done.stdout
     differences_shown = done.stdout.partition(f"{folder} minus each other on the same specimens")[2].splitlines()

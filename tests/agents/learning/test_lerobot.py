@@ -172,11 +172,14 @@ def test_the_data_sets_own_environment_observes_what_the_data_set_holds(
     vector.close()
 
 
-@pytest.mark.parametrize(("task", "states", "observed"), [("depth", 11, 22), ("path", 12, 28)])
+@pytest.mark.parametrize(
+    ("task", "states", "observed", "in_processes"), [("depth", 11, 22, False), ("path", 12, 28, True)]
+)
 def test_environments_for_lerobot_are_there_for_every_task_in_processes_too(
-    task: str, states: int, observed: int
+    task: str, states: int, observed: int, in_processes: bool
 ) -> None:
-    ((name, numbered),) = make_env(2, use_async_envs=True, environment={"task": task, "control_hz": 10}).items()
+    environment = {"task": task, "control_hz": 10}
+    ((name, numbered),) = make_env(2, use_async_envs=in_processes, environment=environment).items()
     vector = numbered[0]
     observation, _ = vector.reset(seed=[0, 1])
     assert observation["agent_pos"].shape == (2, states)

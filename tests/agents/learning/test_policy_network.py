@@ -7,10 +7,9 @@ import itertools
 import gymnasium
 import numpy as np
 import pytest
-from kept_policy import ABOUT, FEATURES, SIZE, actions, observations
+from kept_policy import ABOUT, SIZE
 
 from cutenv.agents.policy.actor_network import ACTIVATIONS, Network
-from cutenv.agents.policy.features import Features
 from cutenv.agents.policy.trained import TrainedPolicy, save_policy
 from cutenv.task.observation import CLIP
 
@@ -83,17 +82,6 @@ def test_an_activation_left_out_is_noticed(learner, monkeypatch):
     model, activation = learner
     monkeypatch.setitem(ACTIVATIONS, activation, lambda values: values)
     assert difference(model, Network.from_state_dict(actor(model), activation), 1.0) > 0.1
-
-
-def test_a_policy_from_its_folder_acts_as_the_learner_does_throughout_a_cut(learner, tmp_path):
-    model, activation = learner
-    save_policy(tmp_path, Network.from_state_dict(actor(model), activation), **ABOUT)
-    policy, features = TrainedPolicy.load(tmp_path), Features(**FEATURES)
-    for seed in (1, 2):  # two cuts: the second must know nothing of the first
-        seen = observations(30, seed)
-        features.reset()
-        expected = [model.predict(features(observation), deterministic=True)[0] for observation in seen]
-        np.testing.assert_allclose(actions(policy, seen), expected, rtol=0.0, atol=2e-5)
 
 
 def state(*places: int) -> dict[str, np.ndarray]:

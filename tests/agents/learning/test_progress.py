@@ -166,7 +166,7 @@ def test_a_resumed_training_cuts_no_specimen_again(trained):
 
 def test_cuts_are_counted_from_the_first_demonstration_on_and_across_an_interruption(trained, tmp_path, monkeypatch):
     monkeypatch.setattr(progress, "validate", lambda *_: (0.0, 0.0))
-    taught = {"demonstrations": 400, "demonstration_noise": 0.0}
+    taught = {"demonstrations": 400, "demonstration_noise": 0.0, "rollout": 40, "batch_size": 80}
     environments, *_ = trained(1200, resume=False, **taught)
     first = environments.cuts
     assert first >= 2 + 2 + 2  # begun by the demonstrations, by an end among them, and by the trial

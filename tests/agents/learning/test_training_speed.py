@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import subprocess
-import sys
 
 import pytest
 
@@ -19,23 +17,23 @@ from scripts.benchmarks.speed import ppo, training_speed
 SMALL = dataclasses.replace(PPOArguments(), environments=4, rollout=32, batch_size=32)
 
 
-def test_decisions_are_counted_after_the_first_update_and_the_share_is_one():
-    found = training_speed.speed(SMALL, updates=2)
+@pytest.fixture(scope="module")
+def found():
+    return training_speed.speed(SMALL, updates=2)
+
+
+def test_decisions_are_counted_after_the_first_update_and_the_share_is_one(found):
     assert found["decisions"] == 2 * 4 * 32
     assert found["decisions_per_s"] > 0.0
     assert 0.0 < found["environments_share"] < 1.0
 
 
-def test_the_benchmark_reads_what_the_program_prints(tmp_path):
-    (tmp_path / "small.py").write_text(
-        "import json, dataclasses\nfrom scripts.benchmarks.speed import training_speed\n"
-        "from cutenv.agents.learning.arguments import PPOArguments\n"
-        "small = dataclasses.replace(PPOArguments(), environments=4, rollout=32, batch_size=32)\n"
-        "print(json.dumps(training_speed.speed(small, 1)))\n"
-    )
-    found = ppo.training_speed([str(tmp_path / "small.py")])
-    assert found["decisions"] == 128
-    assert set(found) == {"decisions", "decisions_per_s", "environments_share"}
+def test_the_benchmark_reads_what_the_program_prints(found, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(training_speed, "speed", lambda *_: found)
+    monkeypatch.setattr("sys.argv", ["training_speed.py"])
+    training_speed.main()
+    (tmp_path / "small.py").write_text(f"print({capsys.readouterr().out!r}, end='')")
+    assert ppo.training_speed([str(tmp_path / "small.py")]) == found
 
 
 def test_learners_with_a_memory_make_the_same_decisions_and_the_ratio_is_that_of_their_rates(monkeypatch):
@@ -49,9 +47,8 @@ def test_learners_with_a_memory_make_the_same_decisions_and_the_ratio_is_that_of
     assert found["ratio"] == pytest.approx(rates[0] / rates[1])
 
 
-def test_no_updates_are_refused():
-    done = subprocess.run(
-        [sys.executable, training_speed.__file__, "--updates", "0"], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 2
-    assert "--updates 0 is less than 1" in done.stderr
+def test_no_updates_are_refused(monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["training_speed.py", "--updates", "0"])
+    with pytest.raises(SystemExit, match="2"):
+        training_speed.main()
+    assert "--updates 0 is less than 1" in capsys.readouterr().err
