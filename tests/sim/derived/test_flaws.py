@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from pairs import every_pair
 from recorded_cut import recorded_cut
 
 from cutenv.records.measurement import quality_issues
@@ -14,10 +15,9 @@ from cutenv.sim.cutting.sensor import SensorParameters
 from cutenv.sim.trace import Trace
 from scripts.validation.records.virtual_records import FLAWS, one_cut, valid_record
 
+NOISES, RESOLUTIONS = (0.0, 0.005, 0.02, 0.05), (0.0, 0.01, 0.05)
 SENSORS = [
-    SensorParameters(force_noise=noise, force_resolution=resolution)
-    for noise in (0.0, 0.005, 0.02, 0.05)
-    for resolution in (0.0, 0.01, 0.05)
+    SensorParameters(force_noise=noise, force_resolution=resolution) for noise in NOISES for resolution in RESOLUTIONS
 ]
 NOISY = [sensor for sensor in SENSORS if sensor.force_noise >= 0.3 * max(sensor.force_resolution, 1e-9)]
 SEEDS = range(6)
@@ -27,9 +27,11 @@ def force_only(trace: Trace) -> Trace:
     return Trace(time=trace.time, force=trace.force, force_unit=trace.force_unit)
 
 
-@pytest.mark.parametrize("sensor", SENSORS)
-@pytest.mark.parametrize("kind", ["2 cm", "1 cm", "bulge", "liver"])
-def test_an_honest_cut_has_no_flaw(kind: str, sensor: SensorParameters) -> None:
+@pytest.mark.parametrize(
+    ("kind", "noise", "resolution"), every_pair(("2 cm", "1 cm", "bulge", "liver"), NOISES, RESOLUTIONS)
+)
+def test_an_honest_cut_has_no_flaw(kind: str, noise: float, resolution: float) -> None:
+    sensor = SensorParameters(force_noise=noise, force_resolution=resolution)
     for speed, angle in ((0.004, 90.0), (0.0254, 45.0)):
         cut = recorded_cut(kind, speed=speed, angle_deg=angle, turns=(0.06, 0.0), sensor=sensor)
         for trace in (cut.trace, cut.forward().trace):

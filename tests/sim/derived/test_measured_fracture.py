@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pairs import every_pair
 from recorded_cut import RecordedCut, rested_cut
 
 from cutenv.records.measurement import DepthProfile, estimate_fracture_resistance, fit_return_stroke
@@ -27,10 +28,10 @@ def check_resistance_comes_back(cut: RecordedCut, tolerance: float, **changes: A
     assert estimate.corrected == pytest.approx(cut.true_resistance(), rel=tolerance)
 
 
-@pytest.mark.parametrize("kind", ["2 cm", "bulge", "liver"])
-@pytest.mark.parametrize("angle_deg", [90.0, 45.0])
-@pytest.mark.parametrize("speed", SPEEDS)
-@pytest.mark.parametrize("inches", [1.0, 2.0, 4.0])
+@pytest.mark.parametrize(
+    ("inches", "speed", "angle_deg", "kind"),
+    [*every_pair((1.0, 2.0, 4.0), SPEEDS, (90.0, 45.0), ("2 cm", "bulge", "liver")), (1.0, SPEEDS[-1], 45.0, "bulge")],
+)
 def test_resistance_comes_back_by_a_return_stroke_and_half_as_well_without_and_flagged(
     inches: float, speed: float, angle_deg: float, kind: str
 ) -> None:
@@ -49,9 +50,7 @@ def test_resistance_comes_back_by_a_return_stroke_and_half_as_well_without_and_f
         assert "friction assumed" in flags
 
 
-@pytest.mark.parametrize("share", [0.0, 0.4])
-@pytest.mark.parametrize("speed", SPEEDS)
-@pytest.mark.parametrize("inches", [1.0, 4.0])
+@pytest.mark.parametrize(("inches", "speed", "share"), every_pair((1.0, 4.0), SPEEDS, (0.0, 0.4)))
 def test_another_share_of_friction_than_assumed_stays_within_the_bounds(
     inches: float, speed: float, share: float
 ) -> None:
@@ -193,9 +192,7 @@ def rising_bed(slope: float, rise: float, force: float) -> Trace:
     return Trace(time=x / 0.01, position=x, depth=depth, angle=upright, force=force + slope * (x % 0.006))
 
 
-@pytest.mark.parametrize("slope", [30.0, 80.0, 400.0])
-@pytest.mark.parametrize("rise", [0.2, 0.5, 1.0, 1.8])
-@pytest.mark.parametrize("force", [1.0, 4.0])
+@pytest.mark.parametrize(("slope", "rise", "force"), every_pair((30.0, 80.0, 400.0), (0.2, 0.5, 1.0, 1.8), (1.0, 4.0)))
 def test_the_share_of_friction_is_found_where_an_iteration_for_it_ran_away(
     slope: float, rise: float, force: float
 ) -> None:
