@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -55,10 +54,6 @@ def check_bar(mesh: CutMesh, poisson: float) -> None:
 @pytest.mark.parametrize("element", KINDS)
 def test_a_column_without_contraction_stretches_as_a_bar(element: str) -> None:
     check_bar(small_mesh(element), poisson=0.0)
-
-
-@pytest.mark.parametrize("element", KINDS)
-def test_a_column_that_contracts_does_not(element: str) -> None:
     with pytest.raises(AssertionError):
         check_bar(small_mesh(element), poisson=0.3)
 
@@ -80,11 +75,6 @@ def check_two_bars(mesh: CutMesh, constraints: csr_array) -> None:
 def test_the_faces_of_a_specimen_cut_through_slide_without_friction(element: str) -> None:
     mesh = small_mesh(element)
     check_two_bars(mesh, mesh.constraints(mesh.divisions[1]))
-
-
-@pytest.mark.parametrize("element", KINDS)
-def test_the_faces_of_a_tied_specimen_do_not_slide(element: str) -> None:
-    mesh = small_mesh(element)
     with pytest.raises(AssertionError):
         check_two_bars(mesh, mesh.constraints())
 
@@ -195,14 +185,6 @@ def test_erratum_printed_matrices_are_right_for_tensor_strain(formulation: str, 
     assert constitutive_matrix(formulation, nu) == pytest.approx(halved_shear, rel=1e-12)
 
 
-@pytest.mark.parametrize("nu", POISSON)
-def test_shear_entries_are_the_corrected_ones(nu: float) -> None:
-    plane_stress = constitutive_matrix("plane_stress", nu) * (1 - nu**2)
-    plane_strain = constitutive_matrix("plane_strain", nu) * ((1 + nu) * (1 - 2 * nu))
-    assert plane_stress[2, 2] == pytest.approx((1 - nu) / 2, rel=1e-12)
-    assert plane_strain[2, 2] == pytest.approx((1 - 2 * nu) / 2, rel=1e-12)
-
-
 @pytest.mark.parametrize("formulation", ["plane_stress", "plane_strain", "solid"])
 def test_matrices_give_the_stress_of_the_weak_form(formulation: str) -> None:
     stress_of = linear_stress(*lame_parameters(formulation, 0.37))
@@ -224,18 +206,6 @@ def test_plane_stress_leaves_the_faces_free_and_plane_strain_keeps_them_in_place
     assert constitutive_matrix("plane_strain", nu) == pytest.approx(solid[np.ix_(in_plane, in_plane)])
     compliance = np.linalg.inv(solid)[np.ix_(in_plane, in_plane)]
     assert constitutive_matrix("plane_stress", nu) == pytest.approx(np.linalg.inv(compliance))
-
-
-def test_uniaxial_stress_meets_youngs_modulus() -> None:
-    for formulation in ("plane_stress", "solid"):
-        compliance = np.linalg.inv(constitutive_matrix(formulation, 0.45))
-        assert compliance[0, 0] == pytest.approx(1.0, rel=1e-12)
-        assert compliance[0, 1] == pytest.approx(-0.45, rel=1e-12)
-
-
-def test_plane_strain_is_the_stiffer_the_nearer_to_incompressible() -> None:
-    stiffnesses = [constitutive_matrix("plane_strain", nu)[0, 0] for nu in POISSON]
-    assert all(softer < stiffer for softer, stiffer in pairwise(stiffnesses))
 
 
 @pytest.mark.parametrize("nu", [-0.1, 0.5, float("nan")])

@@ -58,9 +58,6 @@ def test_a_slice_hangs_on_its_thin_edge() -> None:
     model = zoned_model(CutModel(), [], [1.0], depth=depth_of_the_slice)
     K = model.stiffness(CENTIMETRES) * model.thickness
     check_thin_edge(K / (CutModel().stiffness(CENTIMETRES) * depth_of_the_slice(CENTIMETRES)))
-
-
-def test_a_slice_of_one_thickness_does_not() -> None:
     model = zoned_model(CutModel(), [], [1.0], depth=lambda y: np.full_like(y, 0.01))
     assert model.stiffness(PLACES) == pytest.approx(CutModel().stiffness(PLACES), rel=1e-12)
     with pytest.raises(AssertionError):
@@ -196,77 +193,6 @@ def model_of(element: str, divisions: tuple[int, ...], modulus: Array | None) ->
     return CutModel(element, formulation_of(element), divisions=divisions, relative_modulus=modulus)
 
 
-def left_tied(model: CutModel) -> tuple[Array, Array]:
-    """Unit stiffness and fields of the model at its tips if cutting never untied a pair."""
-    size = (model.width, model.length, model.thickness)[: model.dim]
-    assert model.divisions is not None
-    mesh = CutMesh(kind=ELEMENT_KINDS[model.element], divisions=model.divisions, size=size)
-    stiffness = stiffness_matrix(mesh, model.formulation, model.poisson, model.relative_modulus)
-    response = tip_responses(mesh, stiffness, slipping=False)
-    thickness = model.thickness if model.dim == 3 else 1.0
-    return response.stiffness / thickness, response.fields * thickness
-
-
-def check_slips_behind_the_tip_only(model: CutModel, fields: Array) -> None:
-    """Slip along the line behind each tip, nowhere else; no opening, no overlap, no motion off the line."""
-    left, right = model.pairs.T
-    y = model.nodes[left, 1]
-    for tip, field in zip(model.tips, fields, strict=True):
-        slip = field[right] - field[left]
-        moved = np.abs(field).max()
-        behind = (y > 1e-9) & (y < tip - 1e-9)
-        assert (np.abs(slip[behind, 1]) > 1e-4 * moved).all()
-        assert np.abs(slip[~behind, 1]).max() < EXACT * moved
-        assert np.abs(np.delete(slip, 1, axis=1)).max() < EXACT * moved
-
-
-@pytest.mark.parametrize("right", [0.5, 3.0])
-@pytest.mark.parametrize(("element", "divisions"), SPECIMENS)
-def test_faces_slip_behind_the_tip_only(element: str, divisions: tuple[int, ...], right: float) -> None:
-    model = model_of(element, divisions, halves(divisions, right))
-    check_slips_behind_the_tip_only(model, model.unit_fields)
-
-
-@pytest.mark.parametrize(("element", "divisions"), SPECIMENS)
-def test_faces_that_are_left_tied_do_not_slip(element: str, divisions: tuple[int, ...]) -> None:
-    model = model_of(element, divisions, halves(divisions, 3.0))
-    with pytest.raises(AssertionError):
-        check_slips_behind_the_tip_only(model, left_tied(model)[1])
-
-
-@pytest.mark.parametrize(("element", "divisions"), SPECIMENS)
-def test_faces_of_equal_halves_do_not_slip(element: str, divisions: tuple[int, ...]) -> None:
-    model = model_of(element, divisions, None)
-    with pytest.raises(AssertionError):
-        check_slips_behind_the_tip_only(model, model.unit_fields)
-
-
-def check_cutting_softens(model: CutModel, stiffness: Array) -> None:
-    """Untying frees the specimen: where pairs slip it is softer than tied, by more than rounding."""
-    tied, _ = left_tied(model)
-    assert (stiffness[1:] < (1.0 - 1e-4) * tied[1:]).all()
-
-
-@pytest.mark.parametrize(("element", "divisions"), SPECIMENS)
-def test_cutting_softens_a_specimen_whose_halves_differ(element: str, divisions: tuple[int, ...]) -> None:
-    model = model_of(element, divisions, halves(divisions, 3.0))
-    check_cutting_softens(model, np.asarray(model.stiffness(model.tips)))
-
-
-@pytest.mark.parametrize(("element", "divisions"), SPECIMENS)
-def test_a_specimen_that_is_left_tied_does_not_soften(element: str, divisions: tuple[int, ...]) -> None:
-    model = model_of(element, divisions, halves(divisions, 3.0))
-    with pytest.raises(AssertionError):
-        check_cutting_softens(model, left_tied(model)[0])
-
-
-@pytest.mark.parametrize(("element", "divisions"), SPECIMENS)
-def test_cutting_does_not_soften_equal_halves(element: str, divisions: tuple[int, ...]) -> None:
-    model = model_of(element, divisions, None)
-    with pytest.raises(AssertionError):
-        check_cutting_softens(model, np.asarray(model.stiffness(model.tips)))
-
-
 def dense_solution(model: CutModel, tip: float, *, faces_may_open: bool = False) -> tuple[float, Array]:
     """One tip by itself: every constraint an equation with a Lagrange multiplier, written out pair by pair.
 
@@ -319,10 +245,6 @@ def check_against_dense(model: CutModel, *, faces_may_open: bool = False) -> Non
 def test_one_factorisation_agrees_with_a_dense_solution_for_each_tip(element: str, divisions: tuple[int, ...]) -> None:
     check_against_dense(model_of(element, divisions, scattered(divisions, seed=1)))
     check_against_dense(model_of(element, divisions, None))
-
-
-@pytest.mark.parametrize(("element", "divisions"), SPECIMENS)
-def test_faces_that_may_open_give_another_answer(element: str, divisions: tuple[int, ...]) -> None:
     model = model_of(element, divisions, scattered(divisions, seed=1))
     with pytest.raises(AssertionError):
         check_against_dense(model, faces_may_open=True)
