@@ -132,10 +132,6 @@ def check_same_response(modulus: float, model: CutModel, other_modulus: float, o
 def test_a_converted_modulus_gives_the_same_response(quad8: CutModel) -> None:
     fine = CutModel(divisions=(16, 30), formulation="plane_strain")
     check_same_response(40e3, quad8, quad8.convert_modulus(40e3, to=fine, cut_length=0.06), fine)
-
-
-def test_a_modulus_converted_the_wrong_way_does_not(quad8: CutModel) -> None:
-    fine = CutModel(divisions=(16, 30), formulation="plane_strain")
     with pytest.raises(AssertionError):
         check_same_response(40e3, quad8, fine.convert_modulus(40e3, to=quad8, cut_length=0.06), fine)
 

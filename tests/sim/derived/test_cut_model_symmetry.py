@@ -58,11 +58,6 @@ def test_untying_does_not_change_a_mirror_symmetric_specimen(element: str, divis
     mesh = mesh_of(element, divisions)
     check_untying_changes_nothing(mesh, stiffness_of(mesh))
     check_untying_changes_nothing(mesh, stiffness_of(mesh, mirror_symmetric_modulus(divisions, seed=1)))
-
-
-@pytest.mark.parametrize(("element", "divisions"), SPECIMENS)
-def test_untying_changes_an_uneven_specimen(element: str, divisions: tuple[int, ...]) -> None:
-    mesh = mesh_of(element, divisions)
     with pytest.raises(AssertionError):
         check_untying_changes_nothing(mesh, stiffness_of(mesh, uneven_modulus(divisions, seed=1)))
 
@@ -100,10 +95,6 @@ def check_against_the_uncut_plate(model: CutModel, poisson: float) -> None:
 @pytest.mark.parametrize("element", ["quad4", "quad8"])
 def test_unit_stiffness_is_the_inverse_point_compliance_of_the_uncut_plate(element: str) -> None:
     check_against_the_uncut_plate(CutModel(element), poisson=0.3)
-
-
-@pytest.mark.parametrize("element", ["quad4", "quad8"])
-def test_unit_stiffness_is_not_that_of_a_plate_of_other_material(element: str) -> None:
     with pytest.raises(AssertionError):
         check_against_the_uncut_plate(CutModel(element), poisson=0.31)
 
@@ -142,14 +133,6 @@ def test_a_force_here_moves_there_what_a_force_there_moves_here(element: str, di
     mesh = mesh_of(element, divisions)
     stiffness = stiffness_of(mesh, uneven_modulus(divisions, seed=2))
     check_reciprocity(tip_to_tip(mesh, tip_responses(mesh, stiffness, slipping=False)))
-
-
-@pytest.mark.parametrize(("element", "divisions"), SPECIMENS[:2])
-def test_reciprocity_does_not_link_specimens_that_are_cut_to_different_lengths(
-    element: str, divisions: tuple[int, ...]
-) -> None:
-    mesh = mesh_of(element, divisions)
-    stiffness = stiffness_of(mesh, uneven_modulus(divisions, seed=2))
     with pytest.raises(AssertionError):
         check_reciprocity(tip_to_tip(mesh, tip_responses(mesh, stiffness, slipping=True)))
 
@@ -203,11 +186,6 @@ def test_a_mirrored_specimen_answers_as_its_mirror_image(element: str, divisions
         model_of(element, divisions, modulus),
         model_of(element, divisions, mirrored_modulus(modulus, divisions)),
     )
-
-
-@pytest.mark.parametrize(("element", "divisions"), [("quad4", (8, 15)), ("quad8", (4, 7)), ("hex20", (4, 3, 2))])
-def test_a_specimen_turned_end_to_end_is_no_mirror_image(element: str, divisions: tuple[int, ...]) -> None:
-    modulus = uneven_modulus(divisions, seed=4)
     turned = modulus.reshape(divisions)[:, ::-1].ravel()
     with pytest.raises(AssertionError):
         check_mirror(model_of(element, divisions, modulus), model_of(element, divisions, turned))

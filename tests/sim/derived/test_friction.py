@@ -61,9 +61,6 @@ def check_resistance_returned(cut: LedCut) -> None:
 
 def test_friction_opposes_the_motion_both_ways():
     check_opposes_motion(there_and_back())
-
-
-def test_a_pull_forward_on_the_way_back_fails_the_check():
     law = changed_law(("friction_force(law, next_depth, next_bristle, speed)\n", "SHARE_R_B\n"))
     law.SHARE_R_B = SHARE * R * B
     with pytest.raises(AssertionError):
@@ -83,9 +80,6 @@ def trembling() -> np.ndarray:
 
 def test_a_hand_that_trembles_feels_a_spring():
     check_trembling(lead(rubbing(), trembling()))
-
-
-def test_friction_that_turns_at_once_fails_the_check():
     law = changed_law(("max(bristle + dx,", "max(bristle + 1e9 * dx,"))
     with pytest.raises(AssertionError):
         check_trembling(lead_by(law, rubbing(), trembling()))
@@ -114,9 +108,6 @@ def sticking(by: Callable[..., LedCut] = lead) -> LedCut:
 
 def test_bristles_give_back_what_they_took_where_the_depth_changes():
     check_given_back(sticking())
-
-
-def test_bristles_of_the_mean_depth_alone_fail_the_check():
     law = changed_law((" + _TWELFTH * stretch * (next_depth - depth)", ""))
     with pytest.raises(AssertionError):
         check_given_back(sticking(partial(lead_by, law)))
@@ -124,9 +115,6 @@ def test_bristles_of_the_mean_depth_alone_fail_the_check():
 
 def test_the_closed_loop_returns_the_resistance_that_was_put_in():
     check_resistance_returned(there_and_back())
-
-
-def test_friction_charged_on_top_of_the_whole_resistance_fails_the_check():
     law = changed_law(
         ("    return lerp(profile.toughness, i, share)\n", "    return R_B\n"),
         ("value_and_rise(profile.toughness, i)", "(R_B, 0.0)"),

@@ -157,11 +157,6 @@ def test_vascular_adds_one_or_two_inclusions_of_1_5_to_2_5_times_the_resistance_
     assert all(not inclusions(drawn(seed, "liver", even)) for seed in range(20))
 
 
-def test_a_liver_has_no_inclusions():
-    even = dataclasses.replace(TISSUE, fracture_within_cut_cv=0.0)
-    assert np.ptp(drawn(3, "liver", even).fracture_resistance) == pytest.approx(0.0, abs=1e-9)
-
-
 def test_mixed_is_liver_or_vascular_half_each():
     drawn_kinds = [drawn(seed, "mixed").specimen_class for seed in range(200)]
     assert set(drawn_kinds) == {"liver", "vascular"}

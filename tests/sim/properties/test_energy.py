@@ -142,7 +142,7 @@ def strokes(*, step: float, friction_share: float, turning: bool) -> tuple[Speci
     tough = homogeneous(friction_share=friction_share)
     weak_beyond_5_cm = np.where(np.arange(N_POINTS) * SPACING < 0.05, 211.0, 20.0)
     specimen = dataclasses.replace(tough, fracture_resistance=weak_beyond_5_cm)
-    creep = [x for peak in np.linspace(0.02, 0.04, 200) for x in (peak, peak - 0.3e-3)]
+    creep = [x for peak in np.linspace(0.02, 0.04, 80) for x in (peak, peak - 0.3e-3)]
     positions = through([*creep, 0.02, 0.06], step)
     waves = np.cos(np.linspace(0.0, 20.0, len(positions)))
     angles = 0.5 * (UPRIGHT + INCLINED) + 0.5 * (UPRIGHT - INCLINED) * (waves if turning else 1.0)
