@@ -11,22 +11,13 @@ import numpy as np
 import pytest
 
 from cutenv.sim.plant import FreehandPlant, SteeredPlant
-from cutenv.sim.tissue import CutModel, PathModel, Specimen, SteeredModel
+from cutenv.sim.tissue import CutModel, Specimen, SteeredModel
 from cutenv.sim.tissue.elasticity import element_stiffness, lame_parameters, local_compliance, square_compliance
-from cutenv.sim.tissue.lines import CutLine, arc, bent, half_ellipse, random_line, s_shape, straight
+from cutenv.sim.tissue.lines import arc, bent, half_ellipse, straight
 from cutenv.sim.tissue.split_mesh import SplitMesh, whole
+from scripts.validation.physics.crack_truth import led_along
 
 UNEVEN = np.random.default_rng(0).uniform(0.5, 2.0, (8, 15))
-
-
-def led_along(line: CutLine, model: SteeredModel, length: float) -> list[tuple[float, Any]]:
-    """Lead a cut along a line; return the arc length and the stiffness with squares of 10 mm at each tip."""
-    model.begin(angle=line.angle[0])
-    ways, grid = np.arange(0.0, length, 1e-4), np.arange(len(line.x)) * 5e-4
-    x, y, angle = (np.interp(ways, grid, values) for values in (line.x, line.y, line.angle))
-    return [
-        (ways[i], model.converted_stiffness(0.01)) for i in range(1, len(ways)) if model.cut_to((x[i], y[i]), angle[i])
-    ]
 
 
 @pytest.mark.parametrize("modulus", [None, UNEVEN.ravel()], ids=["uniform", "uneven"])
@@ -39,44 +30,6 @@ def test_a_straight_cut_is_that_of_the_straight_model(modulus: Any) -> None:
         moved = plain.displacement(a, 1.0, 1.0, 1.0)[plain.pairs[-1, 0]][::-1] * [1, -1]
         assert ours.displacement((1.0, 0.0))[-1, 8] == pytest.approx(moved, abs=1e-9) or k < 14
     assert ours.n_touched < 300
-
-
-def test_four_parallel_cuts_are_those_of_the_straight_model() -> None:
-    """The thesis's pattern: lines 2 cm apart in one piece, one after the other."""
-    model, before = SteeredModel((8, 15)), []
-    for y, length in ((0.03, 0.08), (0.01, 0.06), (-0.01, 0.1), (-0.03, 0.05)):
-        model.begin((0.0, y))
-        assert model.cut_to((length, y)) == round(length / 0.01)
-        earlier = tuple((y - other, cut) for other, cut in before)
-        plain = CutModel(offset=-y, earlier_cuts=earlier)
-        assert 1.0 / model.compliance[0, 0] == pytest.approx(plain.stiffness(length), rel=1e-10)
-        before.append((y, length))
-
-
-@pytest.mark.parametrize("make", [half_ellipse, lambda: arc(-0.03)], ids=["half an excision", "arc"])
-def test_a_cut_along_the_line_of_the_mesh_is_that_of_its_model(make: Callable[[], CutLine]) -> None:
-    line = make()
-    plain, ours = PathModel(line), SteeredModel((8, 15), line=line)
-    ours.begin(angle=line.angle[0])
-    for k, expected in enumerate(plain.stiffness):
-        across, along = plain.mesh.nodes[plain.mesh.tip_pairs[k, 0, 0]]
-        middle, end = (np.interp(x, line.x, line.angle) for x in (0.5 * (along + ours.tip[0]), along))
-        ours.advance((along, -across), end, middle)
-        assert ours.stiffness == pytest.approx(expected, abs=1e-10)
-
-
-@pytest.mark.parametrize(
-    "make", [half_ellipse, lambda: s_shape(0.03, 0.08), lambda: random_line(np.random.default_rng(2))]
-)
-def test_a_cut_between_the_edges_of_the_mesh_is_that_along_them(make: Callable[[], CutLine]) -> None:
-    """On a mesh that does not know the line, after conversion to the same elements at the tip, within 3 %."""
-    line = make()
-    ways, known = zip(*led_along(line, SteeredModel(line=line), 0.09), strict=True)
-    found = [(way, each) for way, each in led_along(line, SteeredModel(), 0.09) if way > 0.02]
-    assert len(found) > 10
-    for way, each in found:
-        expected = np.array([[np.interp(way, ways, np.array(known)[:, i, j]) for j in (0, 1)] for i in (0, 1)])
-        assert each == pytest.approx(expected, abs=0.03 * expected[0, 0])
 
 
 def test_conversion_brings_two_meshes_together() -> None:
