@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import math
-import pickle
 
-import gymnasium
 import numpy as np
 import pytest
 from whole_cut import FASTEST, INCLINED, UPRIGHT, Script, cut, legs, make, steady
@@ -184,23 +181,3 @@ def test_success_and_wedge_are_judged_at_the_same_instant():
     assert record.end == "finished"
     upright = -record.totals["wedge"] / 0.2 <= math.tan(math.radians(10.0))
     assert record.infos[-1]["is_success"] == upright
-
-
-@pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["copy", "pickle"])
-def test_a_copy_in_the_middle_of_a_cut_goes_on_as_the_original_to_its_end(copied):
-    original = gymnasium.make("cutenv/GentleCut-v1", deadline_s=3.01)
-    original.reset(seed=4)
-    action = np.array([0.5, -0.5], np.float32)
-    for _ in range(60):
-        original.step(action)
-    twin = copied(original)
-    ended = False
-    while not ended:
-        mine, theirs = original.step(action), twin.step(action)
-        assert np.array_equal(mine[0], theirs[0])
-        assert mine[1:3] == theirs[1:3]
-        assert mine[4] == theirs[4]
-        ended = mine[2]
-    assert mine[4]["end"] == "deadline"
-    assert twin.unwrapped.plant.states["blade"][0] == theirs[4]["truth"]["blade_m"]
-    assert twin.unwrapped.cutting.time == original.unwrapped.cutting.time == pytest.approx(3.01)

@@ -215,11 +215,7 @@ def estimated_and_true_tip(*parts) -> tuple[float, float]:
 CUT = (2.4, FASTEST, UPRIGHT)
 
 
-def test_the_estimated_tip_of_a_steady_cut_is_right():
-    estimated, true = estimated_and_true_tip(CUT)
-    assert estimated == pytest.approx(true, abs=0.5e-3)
-
-
-def test_the_estimated_tip_is_right_after_a_reversal_too():
-    estimated, true = estimated_and_true_tip(CUT, (0.4, -FASTEST, UPRIGHT), (0.3, 0.0127, UPRIGHT))
+@pytest.mark.parametrize("parts", [[], [(0.4, -FASTEST, UPRIGHT), (0.3, 0.0127, UPRIGHT)]])
+def test_the_estimated_tip_of_a_steady_cut_is_right_and_after_a_reversal_too(parts):
+    estimated, true = estimated_and_true_tip(CUT, *parts)
     assert estimated == pytest.approx(true, abs=0.5e-3)

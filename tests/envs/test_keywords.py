@@ -32,16 +32,6 @@ TISSUE = dataclasses.replace(measured_liver(), name="softer", intercept_90=30e3,
         ("weight_acuracy", "weight_accuracy"),
         ("accelaration", "acceleration"),
         ("forcenoise", "force_noise"),
-    ],
-)
-def test_a_misspelt_constant_or_weight_is_an_error_that_names_the_nearest(typed, meant):
-    with pytest.raises(TypeError, match=rf"{typed!r}.*Did you mean '{meant}'"):
-        make(**{typed: 0.1})
-
-
-@pytest.mark.parametrize(
-    ("typed", "meant"),
-    [
         ("specimen_clas", "specimen_class"),
         ("control_Hz", "control_hz"),
         ("target_lenght", "target_length"),
@@ -50,7 +40,7 @@ def test_a_misspelt_constant_or_weight_is_an_error_that_names_the_nearest(typed,
         ("rewards_from", "reward_from"),
     ],
 )
-def test_a_misspelt_argument_is_an_error_that_names_the_nearest(typed, meant):
+def test_a_misspelt_argument_constant_or_weight_is_an_error_that_names_the_nearest(typed, meant):
     with pytest.raises(TypeError, match=rf"{typed!r}.*Did you mean '{meant}'"):
         make(**{typed: 0.1})
 

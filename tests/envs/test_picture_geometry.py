@@ -228,9 +228,6 @@ def test_the_trace_keeps_a_peak_of_one_millisecond() -> None:
     trace.add(felt(0.001, force))
     check_shows_peak(trace.whole(), 5.0)
     assert len(trace.whole()) < 200
-
-
-def test_a_trace_of_means_would_lose_the_peak_and_is_noticed() -> None:
     force = np.full(1000, 2.0)
     force[487] = 5.0
     means = force.reshape(-1, 20).mean(axis=1)

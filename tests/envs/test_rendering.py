@@ -6,10 +6,8 @@ import dataclasses
 import os
 import sys
 import time
-import warnings
 from collections.abc import Iterator
 
-import gymnasium
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -72,16 +70,6 @@ def test_a_picture_belongs_to_whoever_asked_for_it(env: GentleCutEnv) -> None:
     assert np.array_equal(first, kept)
 
 
-def test_gymnasium_finds_nothing_wrong_with_the_pictures() -> None:
-    env = gymnasium.make("cutenv/GentleCut-v1", render_mode="rgb_array")
-    env.reset(seed=0)
-    with warnings.catch_warnings(record=True) as complaints:
-        warnings.simplefilter("always")
-        env.render()
-    env.close()
-    assert [str(complaint.message) for complaint in complaints] == []
-
-
 def test_the_same_moment_gives_the_same_picture(env: GentleCutEnv) -> None:
     advance(env, 100)
     assert np.array_equal(picture_of(env), picture_of(env))
@@ -101,31 +89,21 @@ def test_two_seeded_environments_draw_the_same() -> None:
 def test_every_view_changes_as_the_cut_advances(env: GentleCutEnv, part: tuple[slice, slice]) -> None:
     before = picture_of(env)
     advance(env, 100)
-    check_differs(before, picture_of(env), part)
-
-
-def test_the_legend_does_not_change_so_the_check_can_fail(env: GentleCutEnv) -> None:
-    before = picture_of(env)
-    advance(env, 100)
+    after = picture_of(env)
+    check_differs(before, after, part)
     with pytest.raises(AssertionError, match="0 pixels changed"):
-        check_differs(before, picture_of(env), LEGEND)
+        check_differs(before, after, LEGEND)
 
 
 def test_the_view_from_the_side_shows_the_angle_of_the_blade(env: GentleCutEnv) -> None:
     advance(env, 150)
     advance(env, 20, speed=0.0)
     upright = picture_of(env)
-    advance(env, 40, speed=0.0, angle=-1.0)
-    check_differs(upright, picture_of(env), VIEW_FROM_THE_SIDE, least=1000)
-
-
-def test_a_blade_that_stays_upright_looks_the_same_so_the_check_can_fail(env: GentleCutEnv) -> None:
-    advance(env, 150)
-    advance(env, 20, speed=0.0)
-    upright = picture_of(env)
     advance(env, 40, speed=0.0, angle=1.0)
     with pytest.raises(AssertionError):
         check_differs(upright, picture_of(env), VIEW_FROM_THE_SIDE, least=1000)
+    advance(env, 40, speed=0.0, angle=-1.0)
+    check_differs(upright, picture_of(env), VIEW_FROM_THE_SIDE, least=1000)
 
 
 def test_the_force_of_every_step_is_drawn_however_rarely_a_picture_is_asked_for(env: GentleCutEnv) -> None:
