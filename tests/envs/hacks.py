@@ -95,11 +95,12 @@ class Hack(ArrayPolicy):
 
 
 class Ended(NamedTuple):
-    """Cuts that have ended, one for each seed: return, success, and how far the tip is from the target [m]."""
+    """Cuts that have ended, one for each seed: return, success, how far the tip is from the target [m], and the end."""
 
     returns: np.ndarray
     success: np.ndarray
     tip_error: np.ndarray
+    ends: np.ndarray
 
 
 def cut_all(policy: Policy | ArrayPolicy, seeds: Sequence[int], **keywords: Any) -> Ended:
@@ -111,13 +112,13 @@ def cut_all(policy: Policy | ArrayPolicy, seeds: Sequence[int], **keywords: Any)
     many.begin([np.random.default_rng(seed) for seed in seeds])
     if isinstance(many, Hack):
         many.cuts = batch.cuts
-    returns, ended = np.zeros(count), np.zeros(count, bool)
-    while not ended.all():
-        rewards, ends = batch.decide(many.act(batch.observations), ended)
-        returns[~ended] += rewards[~ended]
-        ended = ended | (ends != 0)
+    returns, ends = np.zeros(count), np.zeros(count, int)
+    while not ends.all():
+        rewards, ended = batch.decide(many.act(batch.observations), ends != 0)
+        returns += np.where(ends == 0, rewards, 0.0)
+        ends += ended
     tip, target = batch.cuts.states["tip"], batch.cuts.tasks["target"]
-    return Ended(returns, batch.succeeded(), np.abs(tip - target))
+    return Ended(returns, batch.succeeded(), np.abs(tip - target), np.array(batch.end_names)[ends])
 
 
 def dither(low: float, high: float, angle: float = INCLINED) -> Hack:

@@ -65,7 +65,7 @@ POLICIES = {
 def test_every_term_every_end_and_every_success_is_as_the_task_words_it(name, specimen_class):
     keywords, policy = POLICIES[name]
     limit = keywords.get("force_limit_per_depth", 1000.0)
-    for seed in range(3):
+    for seed in range(2):
         env = make(specimen_class=specimen_class, **keywords)
         check_assessment(env, cut(env, policy, seed), force_limit=limit)
 
@@ -75,7 +75,9 @@ def success() -> tuple[gymnasium.Env, Cut]:
     """A cut that succeeds, and its environment."""
     env = make(specimen_class="liver")
     records = (cut(env, ConstantFeed(speed=0.0127), seed) for seed in range(20))
-    return env, next(record for record in records if record.infos[-1]["is_success"])
+    record = next(record for record in records if record.infos[-1]["is_success"])
+    check_assessment(env, record)
+    return env, record
 
 
 @pytest.fixture(scope="module")
@@ -85,13 +87,14 @@ def every_cost() -> tuple[gymnasium.Env, Cut]:
     # Fast and reversing for the force, the lag and the backward travel, and ending while loaded and inclined.
     parts = legs((4.0, FASTEST, UPRIGHT), (0.5, -FASTEST, UPRIGHT), (9.0, 0.003, INCLINED))
     costs = [name for name in WEIGHTS if name not in GAINS]
-    return env, next(c for seed in range(80) if all((c := cut(env, parts, seed)).totals[n] < -1e-3 for n in costs))
+    record = next(c for seed in range(80) if all((c := cut(env, parts, seed)).totals[n] < -1e-3 for n in costs))
+    check_assessment(env, record)
+    return env, record
 
 
 @pytest.mark.parametrize("name", WEIGHTS)
 def test_a_term_charged_at_another_rate_would_be_noticed(name, every_cost, success):
     env, record = success if name in GAINS else every_cost
-    check_assessment(env, record)
     with pytest.raises(AssertionError, match=name):
         check_assessment(env, record, weights=WEIGHTS | {name: 1.01 * WEIGHTS[name]})
 
@@ -134,8 +137,6 @@ def test_estimated_runs_are_charged_the_same_however_often_one_decides():
     np.testing.assert_allclose(usual, fine, rtol=0.1)
     np.testing.assert_allclose(coarse, fine, rtol=0.1)
 
-
-def test_runs_seen_only_at_decisions_would_depend_on_their_rate():
     def seen(rate: int) -> float:
         record = cut(make(control_hz=rate, specimen_class="uniform"), ConstantFeed(speed=0.0127))
         return float(record.readings["jump"][:: 1000 // rate].sum())
@@ -165,7 +166,7 @@ def test_a_success_gains_its_weight_and_any_other_end_nothing():
 
 @pytest.mark.parametrize("beyond", [-0.008, 0.002, 0.006])
 def test_drawing_back_unloaded_finishes_a_cut_near_the_target(beyond):
-    for seed in range(3):
+    for seed in range(2):
         env = make(control_hz=1000)
         record = cut(env, back_from(beyond), seed)
         assert record.end == "finished"
@@ -227,7 +228,7 @@ def returns_of_stopping_and_of_the_breach(breach: str, seed: int) -> tuple[list[
 
 
 @pytest.mark.parametrize("breach", BREACHES)
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_an_end_for_safety_costs_more_than_any_stop_from_the_same_state(breach, seed):
     stopping, breaching = returns_of_stopping_and_of_the_breach(breach, seed)
     assert stopping, "at least one stop must succeed"

@@ -44,9 +44,9 @@ def test_it_cuts_as_the_task_does_with_the_settings_of_the_protocol(track, keywo
     assert ended
 
 
-@pytest.mark.parametrize("mode", AutoresetMode)
-@pytest.mark.parametrize(("track", "keywords"), TRACKS)
-def test_a_batch_is_bit_for_bit_single_ones_over_episodes(track, keywords, mode):
+@pytest.mark.parametrize(("track", "mode"), zip(TRACKS, AutoresetMode, strict=True))
+def test_a_batch_is_bit_for_bit_single_ones_over_episodes(track, mode):
+    track, keywords = track
     ended, _ = run_both(*both(mode, 3, track, **keywords), steps=200)
     assert ended >= 3
 
