@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import subprocess
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TextIO
@@ -30,7 +31,7 @@ from cutenv.agents.learning.benchmark import (
     submitted_run,
     write_submission,
 )
-from cutenv.agents.learning.evaluation import contestant, evaluate, workers
+from cutenv.agents.learning.evaluation import contestant, evaluate
 from cutenv.agents.learning.seeds import ENVIRONMENT, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 from cutenv.agents.learning.statistics import Interval
 from cutenv.agents.policy import Features, Network, save_policy
@@ -94,7 +95,7 @@ def compared(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         few = list(settings())
         patch.setattr(program, "settings", lambda: [few[0], few[-1]])  # one of the drive, one of the tissue
-        with workers(1) as pool:
+        with ThreadPoolExecutor(1) as pool:
             whole.cut(whole.uncut(), pool)
             whole.sweep(pool)
         assert whole.uncut() == []
@@ -123,7 +124,7 @@ def test_what_is_done_is_not_left_and_what_is_lost_is_done_again_to_the_last_dig
     before = read_run(lost, TINY)
     lost.unlink()
     assert whole.uncut() == [Part("PPO", 1)]
-    with workers(1) as pool:
+    with ThreadPoolExecutor(1) as pool:
         whole.cut(whole.uncut(), pool)
     assert read_run(lost, TINY) == before
 
