@@ -229,17 +229,6 @@ def test_a_batch_acts_bit_for_bit_as_single_policies_do_also_when_a_cut_begins_a
             assert (policy(seen[decision, cut]) == together[decision][cut]).all()
 
 
-def test_who_does_not_feel_the_force_cannot_tell_it():
-    seen = observations(6, 3)
-    other = seen.copy()
-    other[..., :4] = 5.0
-    blunt, feeling = Features(3, history=2, force=False), Features(3, history=2)
-    blunt_too, feeling_too = Features(3, history=2, force=False), Features(3, history=2)
-    for one, two in zip(seen, other, strict=True):
-        assert (blunt(one) == blunt_too(two)).all()
-        assert (feeling(one) != feeling_too(two)).any()
-
-
 def test_a_policy_that_does_not_feel_says_so_on_its_card(tmp_path):
     card = save_policy(tmp_path / "policy", dense((SIZE, 4, 2)), **(ABOUT | {"features": FEATURES | {"force": False}}))
     policy = TrainedPolicy.load(tmp_path / "policy")

@@ -75,26 +75,6 @@ def test_history_tells_the_decisions_before_and_how_far_ago_they_were():
     assert not found[0][:, [0, 1, 2, 4]].any(), "before the first decision there is none"
 
 
-def test_reset_forgets_the_last_cut():
-    extract, first, second = Features(history=6), observations(0), observations(1)
-    for observation in first:
-        extract(observation)
-    without = extract(second[0])
-    extract.reset()
-    np.testing.assert_array_equal([extract(observation) for observation in second], all_features(second))
-    assert not np.array_equal(without, all_features(second)[0]), "a cut that is not forgotten shows"
-
-
-def test_many_cuts_at_once_have_the_features_of_each_alone_bit_for_bit():
-    cuts = [observations(0), observations(3, RandomAction(), deadline_s=6.0), observations(2)]
-    length = min(map(len, cuts))
-    alone = [all_features(seen[:length], history=4) for seen in cuts]
-    extract = Features(len(cuts), history=4)
-    for moment in range(length):
-        together = extract(np.array([seen[moment] for seen in cuts]))
-        np.testing.assert_array_equal(together, [found[moment] for found in alone])
-
-
 def test_one_cut_of_many_begins_anew_without_the_others():
     seen = observations(0)
     extract = Features(2, history=2)
@@ -179,15 +159,3 @@ def test_nothing_hidden_reaches_them():
         "cutenv._base.validation",
     }
     assert not {"true_force", "elastic_force", "jump"} & {*CUT_MEMORY.names, *CUT_ESTIMATE.names}
-
-
-def test_some_cuts_of_many_are_fed_by_their_numbers():
-    seen = observations(0)
-    some, all_of_them = Features(3, history=2), Features(3, history=2)
-    for observation in seen[:60]:
-        expected = all_of_them(np.array([observation] * 3))
-        found = some(np.array([observation] * 2), np.array([2, 0]))
-        np.testing.assert_array_equal(found, expected[[2, 0]])
-    some.forget(np.array([0, 2]))
-    np.testing.assert_array_equal(some(seen[:1], np.array([2])), all_features(seen, history=2)[:1])
-    np.testing.assert_array_equal(some(seen[:1], np.array([1])), all_features(seen, history=2)[:1])

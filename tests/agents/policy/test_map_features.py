@@ -1,4 +1,4 @@
-"""Features of depth and path: the same for one cut as for many, right about where to go; two forces tell the tip."""
+"""Features of every task: the same for one cut as for many, right about where to go; two forces tell the tip."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cutenv.agents.learning.evaluation import Contestant, evaluate
-from cutenv.agents.policy import Features, OneReturnStroke
+from cutenv.agents.policy import Features, OneReturnStroke, ProbeAndCreep
 from cutenv.agents.policy.depth_policies import DepthByTwoForces, DepthFeatures, FollowDepth
 from cutenv.agents.policy.path_policies import CrackCourse, PathFeatures, SteerByForce
 from cutenv.envs.depth_cut import DepthCutEnv
@@ -43,11 +43,15 @@ CASES = {
     ),
 }  # fmt: skip
 both = pytest.mark.parametrize("task", CASES)
+EVERY = CASES | {
+    "gentle": Case(Features, ProbeAndCreep, {"control_hz": 20}, [one.name for one in COMPONENTS], ("force",))
+}
+every = pytest.mark.parametrize("task", EVERY)
 
 
 def observations(task: str, seed: int, decisions: int = 60, **keywords) -> tuple[np.ndarray, list[dict]]:
     """Observations of a script's cut, shape (decisions + 1, components), and the truth after each decision."""
-    case = CASES[task]
+    case = EVERY[task]
     env, policy = TASKS[task].single(**{**case.keywords, **keywords}), case.script()
     seen, truths, ended = [env.reset(seed=seed)[0]], [], False
     policy.reset(np.random.default_rng(0))
@@ -59,7 +63,7 @@ def observations(task: str, seed: int, decisions: int = 60, **keywords) -> tuple
 
 
 def all_features(task: str, seen: np.ndarray, **keywords) -> np.ndarray:
-    extract = CASES[task].features(**{"history": 0, **keywords})
+    extract = EVERY[task].features(**{"history": 0, **keywords})
     return np.array([extract(observation) for observation in seen])
 
 
@@ -83,12 +87,12 @@ def test_first_come_those_of_gentle_cutting_at_the_depth_that_is_cut(task):
     assert found.shape[1] == CASES[task].features(history=3).size
 
 
-@both
+@every
 def test_many_cuts_at_once_have_the_features_of_each_alone_bit_for_bit(task):
     cuts = [observations(task, seed)[0] for seed in range(3)]
     length = min(map(len, cuts))
     alone = [all_features(task, seen[:length], history=2) for seen in cuts]
-    many, some = (CASES[task].features(3, history=2) for _ in range(2))
+    many, some = (EVERY[task].features(3, history=2) for _ in range(2))
     for moment in range(length):
         seen = np.array([own[moment] for own in cuts])
         np.testing.assert_array_equal(many(seen), [found[moment] for found in alone])
@@ -97,10 +101,10 @@ def test_many_cuts_at_once_have_the_features_of_each_alone_bit_for_bit(task):
     np.testing.assert_array_equal(many(cuts[1][:1], np.array([1]))[0], alone[1][0])
 
 
-@both
+@every
 def test_a_cut_that_is_forgotten_leaves_nothing(task):
     first, second = (observations(task, seed)[0] for seed in range(2))
-    extract = CASES[task].features(history=0)
+    extract = EVERY[task].features(history=0)
     for observation in first:
         extract(observation)
     without = extract(second[0])
@@ -117,11 +121,11 @@ def test_they_are_finite_and_bounded(task):
     assert np.abs(found).max() <= CLIP
 
 
-@both
+@every
 def test_force_can_be_hidden(task):
     seen, _ = observations(task, 1)
     blind = seen.copy()
-    blind[:, [k for k, name in enumerate(CASES[task].names) if name.startswith(CASES[task].felt)]] = 0.0
+    blind[:, [k for k, name in enumerate(EVERY[task].names) if name.startswith(EVERY[task].felt)]] = 0.0
     np.testing.assert_array_equal(all_features(task, seen, force=False), all_features(task, blind))
     assert not np.array_equal(all_features(task, seen), all_features(task, blind))
 
