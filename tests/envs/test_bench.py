@@ -130,7 +130,7 @@ def test_resets_are_timed_beside_gymnasiums():
 
 
 def test_pictures_of_the_environment_and_of_play_are_timed(monkeypatch):
-    monkeypatch.setattr(picture, "_ROUNDS", 1)
+    monkeypatch.setattr(picture, "_ROUNDS", 3)  # the fastest of one may have waited for another program
     times = picture.picture_times()
     assert set(times) == {"render", "play", "copy"}
     assert min(times["render"], times["play"]) > times["copy"] > 0.0

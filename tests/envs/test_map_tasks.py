@@ -65,7 +65,7 @@ def test_with_nothing_added_it_is_gentle_cut_to_the_last_bit(task, keywords, sha
     ],
 )
 def test_a_batch_is_bit_for_bit_single_cuts(task, keywords):
-    ended, _ = run_both(*both(id=TASKS[task].id, num_envs=3, **keywords), steps=600)
+    ended, _ = run_both(*both(id=TASKS[task].id, num_envs=3, deadline_s=6.0, **keywords), steps=320)
     assert ended >= 3
 
 
