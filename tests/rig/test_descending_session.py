@@ -17,7 +17,6 @@ from cutenv.rig.devices.protocols import DriveState
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.session import SpecimenKey
 from cutenv.rig.safety.stop_causes import Cause, RigStopped
-from cutenv.rig.toml_file import to_toml
 from cutenv.sim.tissue.layers import Layers
 from cutenv.sim.tissue.specimen import Specimen
 from cutenv.sim.trace import COMPONENTS_OF_FORCE, Reading
@@ -138,15 +137,3 @@ def test_an_axis_that_sinks_without_power_is_noticed():
         supply.mount = sink
         with pytest.raises(RigError, match=r"the height axis went to -2.0 mm: it needs a brake"):
             session.next_cut(KEY, UPRIGHT)
-
-
-def test_a_rig_without_the_axis_is_refused(tmp_path):
-    settings = dataclasses.replace(
-        source([]).settings, height=None, name="bench 2", depth_profile=((0, 0.01), (0.15, 0.01))
-    )
-    (tmp_path / "rig.toml").write_text(to_toml(dataclasses.replace(settings, emulated=False)))
-    with pytest.raises(
-        ValueError, match="DepthCut-v1 raises and lowers the blade, and rig 'bench 2' has no height axis"
-    ):
-        RigSource(tmp_path / "rig.toml", Constants(), needs_axis="height", by="DepthCut-v1")
-    assert RigSource("fake", Constants()).settings.height is None

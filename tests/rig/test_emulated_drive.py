@@ -151,22 +151,6 @@ def test_a_load_beyond_the_motors_force_pushes_the_blade_back():
     assert positions[-1] < 0.045
 
 
-def test_a_blocked_motor_stands_while_its_demand_goes_on():
-    motors = emulated()
-    motors["blocked"] = 1
-    led(motors, np.full(500, 0.01))
-    assert float(motors["position"][0]) == 0.05
-    assert float(motors["demand_position"][0]) > 0.053
-
-
-def test_a_slipping_carriage_stands_while_the_motor_turns():
-    motors = emulated()
-    motors["slip"] = 1.0
-    led(motors, np.full(500, 0.01))
-    assert float(motors["carriage"][0]) == pytest.approx(0.05, abs=0.05e-3)
-    assert float(motors["position"][0]) > 0.053
-
-
 def test_the_mechanical_end_stops_motor_and_carriage():
     motors = emulated(position=0.148)
     led(motors, np.full(800, 0.0254))

@@ -146,16 +146,6 @@ def test_hardware_is_never_answered_automatically() -> None:
         AutomaticOperator(RigSettings(name="bench 2"))
 
 
-def test_a_script_answers_its_questions_in_order() -> None:
-    operator = ScriptedOperator([("Arm", "bench 2"), ("Arm", "bench 3"), ("clamped", True), ("go on", False)])
-    assert operator.confirm("Arm the rig?", expected="bench 2") is True
-    assert operator.confirm("Arm the rig?", expected="bench 2") is False
-    assert operator.ask_ready("specimen clamped") is True
-    assert operator.unasked == [("go on", False)]
-    assert operator.confirm("Shall it go on?") is False
-    assert operator.unasked == []
-
-
 def test_an_unexpected_question_is_an_error() -> None:
     operator = ScriptedOperator([("Arm", True)])
     with pytest.raises(LookupError, match="with 'Arm' was expected, but this was asked: 'clamped"):

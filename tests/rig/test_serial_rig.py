@@ -117,19 +117,19 @@ def test_two_programs_on_one_port_are_refused_the_second(rig: EmulatedSerialRig,
     assert listening.troubles == []
 
 
-def test_another_baud_rate_is_said_to_be_the_cause(rig: EmulatedSerialRig, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cutenv.rig.devices.serial.board._BOOT", 0.5)
-    rig.inject("noise", {})
-    with pytest.raises(RigError, match=r"no cutenv board answers at .* and 500000 baud. What came was .*baud rate"):
-        drivers_of(settings_for(rig))[0].open(Listening())
-
-
-def test_a_board_that_says_nothing_is_said_to_be_silent(
-    rig: EmulatedSerialRig, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        ("noise", r"no cutenv board answers at .* and 500000 baud. What came was .*baud rate"),
+        ("board_mute", "Nothing came. Is it powered"),
+    ],
+)
+def test_another_baud_rate_or_a_silent_board_is_said_to_be_the_cause(
+    rig: EmulatedSerialRig, monkeypatch: pytest.MonkeyPatch, fault: str, said: str
 ) -> None:
-    monkeypatch.setattr("cutenv.rig.devices.serial.board._BOOT", 0.3)
-    rig.inject("board_mute", {})
-    with pytest.raises(RigError, match=r"Nothing came. Is it powered"):
+    monkeypatch.setattr("cutenv.rig.devices.serial.board._BOOT", 0.4)
+    rig.inject(fault, {})
+    with pytest.raises(RigError, match=said):
         drivers_of(settings_for(rig))[0].open(Listening())
 
 
