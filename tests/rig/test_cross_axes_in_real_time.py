@@ -25,6 +25,7 @@ from cutenv.sim.tissue.specimen import Specimen
 
 UPRIGHT = math.pi / 2
 ATTEMPTS = 3  # at a session in which the host stalls
+pytestmark = pytest.mark.usefixtures("quick_return")
 
 
 def cut_up_and_down() -> None:
@@ -32,7 +33,8 @@ def cut_up_and_down() -> None:
     with start(free_air=True, across=("height",)) as emulator:
         settings = emulator.settings
         loose = dataclasses.replace(settings.limits, force_rise=5e3, force=100.0, force_norm=100.0)
-        settings = dataclasses.replace(settings, limits=loose)
+        low = dataclasses.replace(settings.height, raised=0.002)  # to which it goes and back at 5 mm/s
+        settings = dataclasses.replace(settings, limits=loose, height=low)
         supply, operator = EmulatedSpecimens(emulator.control), AutomaticOperator(settings)
         supply.layers = Layers(boundary=0.012, deep_toughness=2.0)
         with RigSession(rig_plant(settings), operator, supply) as session:

@@ -18,8 +18,9 @@ from cutenv.records.scoring.study.sequential import SequentialQuestion
 from cutenv.rig.errors import RigError
 
 SHORT = {"target_length": 0.04, "specimen_class": "liver"}
-FEED, NOTHING = "constant 1.65 cm/s 90 deg", "nothing"
+FEED, NOTHING, FASTER = "constant 1.65 cm/s 90 deg", "nothing", "constant 2.54 cm/s 90 deg"
 FEEDS = type(BASELINES[FEED]())
+pytestmark = pytest.mark.usefixtures("quick_return")
 
 
 def compared(rig=None, **keywords):
@@ -138,10 +139,10 @@ def test_the_command_writes_page_and_raw_pairs(tmp_path, capsys):
     pytest.importorskip("matplotlib", reason="pictures are an extra: pip install 'cutenv[view]'")
     arrow = pytest.importorskip("pyarrow.parquet", reason="Parquet is an extra")
     out = tmp_path / "out"
-    given = ["rig", "evaluate", FEED, NOTHING, "--until", "decided", "--rig", "fake", "--target-length", "40mm"]
+    given = ["rig", "evaluate", FEED, FASTER, "--until", "decided", "--rig", "fake", "--target-length", "40mm"]
     assert main([*given, "--most", "2", "--out", str(out)]) == 0
     said = capsys.readouterr().out
-    assert f"{FEED} against {NOTHING} is undecided in return, after 2 pairs" in said
+    assert f"{FEED} against {FASTER} is undecided in return, after 2 pairs" in said
     with (out / "pairs.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [float(row["return_difference"]) for row in rows] == pytest.approx(
@@ -156,7 +157,7 @@ def test_the_command_writes_page_and_raw_pairs(tmp_path, capsys):
 
 
 def test_a_plan_comes_before_the_first_cut(capsys):
-    given = ["rig", "plan", FEED, NOTHING, "--rig", "fake", "--target-length", "40mm", "--pilot", "20"]
+    given = ["rig", "plan", FEED, NOTHING, "--rig", "fake", "--target-length", "40mm", "--pilot", "20", "--most", "30"]
     assert main(given) == 0
     assert "nine in ten within" in capsys.readouterr().out
     assert main([*given[:3], FEED, *given[4:]]) == 2

@@ -28,6 +28,7 @@ from cutenv.sim.tissue.lines import arc
 
 UPRIGHT = math.pi / 2
 BENT = arc(0.06, turn=math.radians(20.0))
+pytestmark = pytest.mark.usefixtures("quick_return")
 
 
 class Task(NamedTuple):
@@ -210,7 +211,7 @@ def test_the_same_script_follows_the_depth_as_in_the_simulator(made, name):
 
 
 def test_hovering_is_dearer_than_cutting(made):
-    env = made(DEPTH)
+    env = made(DEPTH, deadline_s=12.0)
     following, _, _ = cut(DEPTH, env)
     env.reset(seed=5, options={"episode": 0})
     total, ended, info = 0.0, False, {}

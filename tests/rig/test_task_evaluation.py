@@ -26,6 +26,7 @@ from cutenv.envs.path_cut import PathCutEnv
 from cutenv.records.scoring import MAP_METRICS
 
 SEED, EPISODE = 5, 1
+pytestmark = pytest.mark.usefixtures("quick_return")
 
 
 class Task(NamedTuple):
