@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any
@@ -109,15 +110,20 @@ def _increasing(time: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.
     return time[new], position[new]
 
 
-def identified(axis: MadeUpAxis, **force: float) -> Identification:
+@functools.cache
+def recorded(axis: MadeUpAxis) -> tuple[Plan, Recorded]:
     """The whole experiment on a made-up rig."""
-    settings = RigSettings()
-    plan = Plan.within(settings, 0.03)
+    plan = Plan.within(RigSettings(), 0.03)
     steps = tuple(
         axis.step(sign * speed, hold)
         for speed, hold in zip(plan.speeds, plan.step_hold, strict=True)
         for sign in (1, -1)
     )
     sines = tuple(axis.sine(*sine, sine.duration) for sine in plan.sines)
-    at_rest, felt = made_up_force(**force), tuple(map(axis.felt, sines)) if axis.carried else ()
-    return identification_from(settings, plan, Recorded(steps, sines, axis.turns(plan), at_rest, 1000.0, felt=felt))
+    felt = tuple(map(axis.felt, sines)) if axis.carried else ()
+    return plan, Recorded(steps, sines, axis.turns(plan), made_up_force(), 1000.0, felt=felt)
+
+
+def identified(axis: MadeUpAxis) -> Identification:
+    """What is found from that experiment."""
+    return identification_from(RigSettings(), *recorded(axis))

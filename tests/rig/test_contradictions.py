@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+from collections.abc import Iterator
 from datetime import date, timedelta
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.contradictions import contradictions
-from cutenv.rig.imitated.emulator.process import start
+from cutenv.rig.imitated.emulator.process import RunningEmulator, start
 from cutenv.rig.imitated.fake_benches import AirPlant, SpecimenPlant
 from cutenv.rig.imitated.fake_rig import FakeRig, FakeSensor
 from cutenv.rig.operation.operator import AutomaticOperator
@@ -150,7 +151,7 @@ def cut_on_a_fake(settings: RigSettings) -> None:
             raise RigStopped(report, np.zeros(0))
 
 
-@hypothesis_settings(max_examples=25, deadline=None)
+@hypothesis_settings(max_examples=15, deadline=None)
 @given(settings=with_surprises())
 @example(settings=USUAL)
 @example(settings=FREE)
@@ -171,20 +172,25 @@ AT_THE_EDGE: dict[str, dict[str, Any]] = {
 }
 
 
+@pytest.fixture(scope="module")
+def emulator() -> Iterator[RunningEmulator]:
+    with start(free_air=True) as running:
+        yield running
+
+
 @pytest.mark.parametrize("name", AT_THE_EDGE)
-def test_what_is_accepted_can_be_cut_with_on_the_emulator(tmp_path: Path, name: str) -> None:
+def test_what_is_accepted_can_be_cut_with_on_the_emulator(tmp_path: Path, name: str, emulator: RunningEmulator) -> None:
     file = tmp_path / "rig.toml"
-    with start(free_air=True) as emulator:
-        settings = dataclasses.replace(emulator.settings, depth_profile=USUAL.depth_profile)
-        file.write_text(to_toml(changed(settings, AT_THE_EDGE[name])))
-        rig = CuttingRig(read_rig_file(file), emulator.control)
-        try:
-            for attempt in range(ATTEMPTS):
-                rig.begin(attempt)
-                report = rig.cut(0.5)
-                if report is None:
-                    return
-                assert rig.host.stalls, report  # a busy host may stop it, and nothing else
-        finally:
-            rig.close()
+    settings = dataclasses.replace(emulator.settings, depth_profile=USUAL.depth_profile)
+    file.write_text(to_toml(changed(settings, AT_THE_EDGE[name])))
+    rig = CuttingRig(read_rig_file(file), emulator.control)
+    try:
+        for attempt in range(ATTEMPTS):
+            rig.begin(attempt)
+            report = rig.cut(0.5)
+            if report is None:
+                return
+            assert rig.host.stalls, report  # a busy host may stop it, and nothing else
+    finally:
+        rig.close()
     pytest.fail(f"{ATTEMPTS} times the host stalled: {report}")

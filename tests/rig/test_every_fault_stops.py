@@ -166,12 +166,12 @@ def trial(rig: FakeRig, name: str, after: float, speed: float) -> RigStopped:
 
 
 @pytest.mark.parametrize(
-    ("periods", "instants"), [(1, PERIOD), pytest.param(3, 1000, marks=pytest.mark.slow)], ids=["one", "three"]
+    ("periods", "instants"), [(1, PERIOD // 2), pytest.param(3, 1000, marks=pytest.mark.slow)], ids=["one", "three"]
 )
 @pytest.mark.parametrize("name", FAULTS)
 @pytest.mark.promise("S3")
 def test_at_every_instant_it_is_found_out_and_stays_stopped(name, periods, instants):
-    """One instant in each of the equal parts of control periods, in any order: of one, in each of its milliseconds."""
+    """One instant in each of the equal parts of control periods, in any order: of one, in every two milliseconds."""
     random = np.random.default_rng(list(name.encode()))
     rig = ready_rig()
     parts = random.permutation(instants) + random.uniform(size=instants)
@@ -186,17 +186,16 @@ def test_at_every_instant_it_is_found_out_and_stays_stopped(name, periods, insta
 @pytest.mark.parametrize("name", FAULTS)
 @pytest.mark.promise("S4")
 def test_anywhere_in_a_cut(name):
-    random = np.random.default_rng(list(name.encode()))
-    for after in random.uniform(0.1, 4.0, 2):
-        rig = ready_rig(seed=int(1000 * after))
-        stop = trial(rig, name, after=after, speed=0.019)
-        if name not in UNSEEN:
-            assert stop.report.standstill is not None
-            assert stop.report.distance_to_standstill < 0.001
-        rig.clock.sleep_until(rig.clock.now() + 0.1)
-        assert rig.bench.motion[1] == 0.0  # it does stand, whatever the samples say
-        assert stop.readings["time"][-1] > after - 0.05
-        check_stays(rig)
+    after = np.random.default_rng(list(name.encode())).uniform(0.1, 4.0)
+    rig = ready_rig(seed=int(1000 * after))
+    stop = trial(rig, name, after=after, speed=0.019)
+    if name not in UNSEEN:
+        assert stop.report.standstill is not None
+        assert stop.report.distance_to_standstill < 0.001
+    rig.clock.sleep_until(rig.clock.now() + 0.1)
+    assert rig.bench.motion[1] == 0.0  # it does stand, whatever the samples say
+    assert stop.readings["time"][-1] > after - 0.05
+    check_stays(rig)
 
 
 @pytest.mark.parametrize("name", FAULTS)

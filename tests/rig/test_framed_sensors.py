@@ -27,7 +27,7 @@ from cutenv.rig.drivers.framed_sensor import FrameError, FrameFormat, FrameReade
 from cutenv.rig.drivers.robotiq_sensor import robotiq_frame
 from cutenv.rig.drivers.slow_profile import slow_limits
 from cutenv.rig.hardware import rig_plant
-from cutenv.rig.imitated.emulator.process import start
+from cutenv.rig.imitated.emulator.process import RunningEmulator, start
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.preflight import prepare
 from cutenv.rig.safety.stop_causes import Cause
@@ -229,34 +229,6 @@ def test_frames_and_requests_are_those_of_the_makers() -> None:
 
 
 @pytest.mark.parametrize("name", sorted(DEVICES))
-def test_a_moving_blade_stops_when_the_sensors_cable_is_pulled(name: str) -> None:
-    # The board runs in a process of its own: in this one, sensor, drivers and board would wait for each other.
-    with start(kind="serial", free_air=True) as board, serving(DEVICES[name]()) as device:
-        rig = board.settings
-        limits = dataclasses.replace(rig.limits, stale_force=0.08, late_force=0.3, overrun=5.0)  # of a busy machine
-        plant = rig_plant(
-            dataclasses.replace(rig, sensor=settings_of(name, device, rate=100.0).sensor, limits=limits)
-        )  # fmt: skip
-        plant.open()
-        try:
-            plant.spine.set_zero()
-            prepare(plant, AutomaticOperator(plant.settings), today=date.today())
-            plant.begin()
-            plant.advance(0.004, plant.settings.fixed_angle, 300)
-            before = plant.position
-            assert before > 5e-4
-            device.unplug()
-            with pytest.raises(RigError):
-                plant.advance(0.004, plant.settings.fixed_angle, 1000)
-            report = until(lambda: plant.supervisor.report)
-            assert report.cause is Cause.FORCE_STALE
-            until(lambda: plant.supervisor.report.standstill)
-            assert plant.position - before < 0.004 * 0.5
-        finally:
-            plant.close()
-
-
-@pytest.mark.parametrize("name", sorted(DEVICES))
 def test_its_file_conforms_by_the_command_and_what_it_cannot_do_is_refused(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -289,3 +261,37 @@ def test_a_new_file_with_such_a_sensor_asks_for_its_port(tmp_path: Path) -> None
         assert "# FILL IN:" in text.partition("[sensor.options]")[2].partition("[limits]")[0]
     assert "stale_force_ms = 40" in (tmp_path / "robotiq.toml").read_text(encoding="utf-8")
     assert template("rig")
+
+
+@pytest.fixture(scope="module")
+def board() -> Iterator[RunningEmulator]:
+    """A board in a process of its own: in this one, sensor, drivers and board would wait for each other."""
+    with start(kind="serial", free_air=True) as running:
+        yield running
+
+
+@pytest.mark.parametrize("name", sorted(DEVICES))
+def test_a_moving_blade_stops_when_the_sensors_cable_is_pulled(name: str, board: RunningEmulator) -> None:
+    with serving(DEVICES[name]()) as device:
+        rig = board.settings
+        limits = dataclasses.replace(rig.limits, stale_force=0.08, late_force=0.3, overrun=5.0)  # of a busy machine
+        plant = rig_plant(
+            dataclasses.replace(rig, sensor=settings_of(name, device, rate=100.0).sensor, limits=limits)
+        )  # fmt: skip
+        plant.open()
+        try:
+            plant.spine.set_zero()
+            prepare(plant, AutomaticOperator(plant.settings), today=date.today())
+            plant.begin()
+            plant.advance(0.004, plant.settings.fixed_angle, 300)
+            before = plant.position
+            assert before > 5e-4
+            device.unplug()
+            with pytest.raises(RigError):
+                plant.advance(0.004, plant.settings.fixed_angle, 1000)
+            report = until(lambda: plant.supervisor.report)
+            assert report.cause is Cause.FORCE_STALE
+            until(lambda: plant.supervisor.report.standstill)
+            assert plant.position - before < 0.004 * 0.5
+        finally:
+            plant.close()

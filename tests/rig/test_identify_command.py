@@ -46,7 +46,7 @@ def file_of(path: Path, identified: Identified | None = None) -> Path:
 def test_the_experiment_finds_the_drive_of_a_rig_and_brings_the_blade_back() -> None:
     rig = prepared(Rig(motor_lag=0.055, dead_time=0.006))
     before = rig.plant.position
-    plan = Plan.within(rig.settings, before)
+    plan = dataclasses.replace(Plan.within(rig.settings, before), turns=3, rest=10.0)
     found = identification_from(rig.settings, plan, perform(rig.plant, plan))
     assert found["motor_lag"].value == pytest.approx(0.055, rel=0.05)
     assert found["dead_time"].value == pytest.approx(0.006, abs=0.002)
@@ -105,7 +105,11 @@ def test_what_was_measured_before_this_computer_was_late_is_kept() -> None:
     assert found["motor_lag"].value == pytest.approx(0.040, rel=0.05)
 
 
-def test_the_command_prints_a_table_and_draws_a_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_prints_a_table_and_draws_a_picture(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = Plan.within
+    monkeypatch.setattr(Plan, "within", lambda *given: brief(whole(*given)))
     picture = tmp_path / "fake.png"
     assert cli.main(["rig", "identify", "fake", "--picture", str(picture)]) == 0
     shown = capsys.readouterr().out

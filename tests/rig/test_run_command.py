@@ -36,7 +36,8 @@ def fixed_rig(folder: Path, degrees: float = 75.0) -> str:
 def test_a_shipped_policy_cuts_and_everything_is_told(tmp_path, capsys):
     told = tmp_path / "told.jsonl"
     pytest.importorskip("safetensors", reason="policies are kept with an extra: pip install 'cutenv[view]'")
-    status = run("--policy", "ppo-free", "--rig", "fake", "--cuts", "2", "--out", str(tmp_path), "--json", str(told))
+    arguments = ("--policy", "ppo-free", "--rig", "fake", "--target-length", "40mm", "--out", str(tmp_path))
+    status = run(*arguments, "--cuts", "2", "--json", str(told))
     assert status == 0
     lines = [json.loads(line) for line in told.read_text().splitlines()]
     assert [line["episode"] for line in lines] == [0, 1]
@@ -53,7 +54,8 @@ def test_it_needs_no_torch(tmp_path):
     pytest.importorskip("safetensors", reason="policies are kept with an extra: pip install 'cutenv[view]'")
     code = (
         "import sys; from cutenv.commands.cli import main; "
-        f"status = main(['rig', 'run', '--policy', 'ppo-free', '--rig', 'fake', '--out', {str(tmp_path)!r}]); "
+        "arguments = ['--policy', 'ppo-free', '--rig', 'fake', '--target-length', '30mm']; "
+        f"status = main(['rig', 'run', *arguments, '--out', {str(tmp_path)!r}]); "
         "assert not {'torch', 'stable_baselines3'} & set(sys.modules); sys.exit(status)"
     )
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
@@ -141,10 +143,10 @@ def test_a_policy_of_ones_own_cuts_too(tmp_path, monkeypatch, capsys):
         "    def reset(self, rng): pass\n"
         "    def __call__(self, observation):\n"
         "        time.sleep(0.021)\n"
-        "        return np.array([0.4 if observation[8] > 0 else 0.0, 1.0], np.float32)\n"
+        "        return np.array([1.0, 1.0], np.float32)\n"
     )
     monkeypatch.chdir(tmp_path)
-    assert run("--policy", "my_policy:Steady", "--rig", "fake", "--out", str(tmp_path), "--target-length", "60mm") == 0
+    assert run("--policy", "my_policy:Steady", "--rig", "fake", "--out", str(tmp_path), "--target-length", "30mm") == 0
     printed = capsys.readouterr()
     assert "cut 1:" in printed.out
     assert "commands more than 2 ms late" not in printed.out  # the fake's clock stands while a policy decides

@@ -69,7 +69,7 @@ def test_a_master_that_goes_on_enabling_moves_a_cutting_blade_by_less_than_a_mil
     stop = cut_into(rig)
     assert stop.report.cause is Cause.FOREIGN
     assert stop.report.detected - intruder.begun <= way + 0.001
-    rig.wait(3.0)
+    rig.wait(1.5)
     assert abs(rig.position - intruder.start) < allowed
     assert abs(rig.speed) < STILL
     assert rig.node.state is not DriveState.ENABLED
@@ -83,7 +83,7 @@ def test_a_locked_rig_is_not_set_going(powered):
         rig.plant.switch_off()
     start = rig.position
     Intruder(rig, lasts=1.0, words=(0x06, 0x07, 0x0F))
-    rig.wait(3.0)
+    rig.wait(1.5)
     assert rig.supervisor.phase is Phase.STOPPED
     assert rig.supervisor.report.cause is Cause.FOREIGN
     assert abs(rig.position - start) < ALLOWED
@@ -124,7 +124,7 @@ def test_a_master_that_nobody_hears_is_stopped_by_what_the_drive_tells():
             rig.node.dictionary.set_data(0x6040, 0, b"\x0f\x00")
 
     rig.clock.every(0.020, intrude, "by another way")
-    rig.wait(3.0)
+    rig.wait(1.5)
     assert rig.supervisor.report.cause is Cause.FOLLOWING
     assert abs(rig.position - start) < 0.020
     assert abs(rig.speed) < STILL

@@ -142,7 +142,7 @@ def test_a_record_without_position_is_refused(filmed, measured):
 def tagged(filmed):
     """Film of a blade with tag 7 in place of the strip, and its frames."""
     tag = cv2.aruco.generateImageMarker(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50), 7, 6)
-    film = filmed.render(rate=3.0, spoilt=0.0, strip=0.006, tag=tag)
+    film = filmed.render(rate=2.0, spoilt=0.0, strip=0.006, tag=tag)
     return film, list(film.frames())
 
 
