@@ -488,6 +488,7 @@ def _common_words(split: list[list[str]], numeric: list[int], decimal: str) -> s
     return found
 
 
+@functools.lru_cache(maxsize=1 << 14)
 def _is_number(cell: str, *, decimal: str) -> bool:
     """Return whether a cell holds a number, with thousands or a unit perhaps, or a time."""
     if _NUMBER[decimal].fullmatch(cell):

@@ -15,6 +15,8 @@ from cutenv.records.importers import Imported, OpenQuestions, load_foreign, look
 from cutenv.sim.trace import Trace
 
 NAMES = [each.name for each in FORMATS]
+REFUSED = {each.name for k, each in enumerate(FORMATS) if each.asks or k % 6 == 0}
+"""Files whose refusal is read, too, which takes as long as to read them: all that ask, and every sixth."""
 
 
 def written(given: LabFormat, folder: Path) -> Path:
@@ -53,9 +55,12 @@ def test_a_file_is_right_at_first_try_or_asks_and_the_map_of_the_message_reads_i
     assert len(understood.questions) == given.asks
     assert sum(each.count for each in understood.left_out) == given.left_out
     assert all(any(str(each) in note for note in understood.notes) for each in understood.left_out)
-    with pytest.raises(RecordError) as refused:
-        load_foreign(path)
-    items, _, unit = refused.value.reason.rpartition("--map ")[2].partition(" --unit ")
+    printed = str(understood.mapping)
+    if given.name in REFUSED:
+        with pytest.raises(RecordError) as refused:
+            load_foreign(path)
+        printed = refused.value.reason
+    items, _, unit = printed.rpartition("--map ")[2].partition(" --unit ")
     by_message = load_foreign(path, ColumnMap.parse(shlex.split(items), unit=unit or None))
     assert is_right(by_message, given)
     assert str(understood.mapping) == str(by_message.mapping)
