@@ -35,7 +35,7 @@ class PlayWindow:
         device stays.
     scripted : bool
         True to let a scripted hand cut instead of a person, by its own clock: a sixtieth of a second for each picture,
-        however long that takes; where no display shows them, as fast as they are drawn.
+        however long that takes; where no display shows them, none is drawn, and it cuts as fast as it can.
     ends : bool
         True to close the window when all cuts are done and the last card could be read, without a key; always so for a
         scripted hand.
@@ -64,7 +64,8 @@ class PlayWindow:
         self._picture = PlayPicture()
         open_display()
         self._card_pictures = int(CARD_SECONDS * FPS) if is_seen() else 0
-        self._window = Window(LAYOUT.width, LAYOUT.height, FPS if is_seen() or not scripted else 0.0)
+        self._draws = is_seen() or not scripted
+        self._window = Window(LAYOUT.width, LAYOUT.height, FPS if self._draws else 0.0)
         self._pygame.display.set_caption("cutenv play")
         self.mouse, self.gamepad = MouseDevice(), GamepadDevice()
         self._own_device = isinstance(session.device, MouseDevice)
@@ -110,7 +111,8 @@ class PlayWindow:
             self._lead_by_script()
         self.session.advance(self._pictures / FPS if self.scripted else self._clock())
         self._pictures += 1
-        self._window.present(self._picture.draw(self.session.sight()))
+        if self._draws:
+            self._window.present(self._picture.draw(self.session.sight()))
 
     def save(self, file: Path) -> None:
         """Write the last picture as PNG."""
