@@ -10,6 +10,7 @@ import select
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -91,8 +92,8 @@ class Browser:
                 return heard["result"]
             self.events.append(heard)
 
-    def open(self, path: Path, width: int, height: int = 900, *, dark: bool = False) -> None:
-        """Open a file in a window of a width and height [px] and wait until it is loaded."""
+    def open(self, page: Path | str, width: int, height: int = 900, *, dark: bool = False) -> None:
+        """Open a file or an address in a window of a width and height [px] and wait until it is loaded."""
         self.tell(
             "Emulation.setDeviceMetricsOverride",
             width=width,
@@ -101,7 +102,14 @@ class Browser:
             mobile=min(width, height) < 700,
         )
         self.darken(dark)
-        self._go_to(path.as_uri())
+        self._go_to(page if isinstance(page, str) else page.as_uri())
+
+    def wait(self, condition: str) -> None:
+        """Wait until a page is loaded in which a JavaScript condition holds."""
+        until = time.monotonic() + PATIENCE_S
+        while not self.value(f"document.readyState === 'complete' && Boolean({condition})"):
+            assert time.monotonic() < until, condition
+            time.sleep(0.05)
 
     def leave(self) -> None:
         """Show a blank page: one that moves takes a third of a processor from whatever comes next."""

@@ -62,12 +62,12 @@ class Browser:
                 return heard["result"]  # type: ignore[no-any-return]
             self.events.append(heard)
 
-    def open(self, path: Path, width: int, height: int = 900, *, dark: bool = False) -> None:
-        """Open a file in a window of a width and height [px] and wait until it is loaded."""
+    def open(self, page: Path | str, width: int, height: int = 900, *, dark: bool = False) -> None:
+        """Open a file or an address in a window of a width and height [px] and wait until it is loaded."""
         self._be_dark(dark)
         viewport = {"width": width, "height": height}
         self.tell("browsingContext.setViewport", context=self._page, viewport=viewport, devicePixelRatio=1)
-        self._go_to(path.as_uri())
+        self._go_to(page if isinstance(page, str) else page.as_uri())
 
     def leave(self) -> None:
         """Show a blank page: one that moves takes a third of a processor from whatever comes next."""

@@ -5,15 +5,12 @@ from __future__ import annotations
 import json
 import re
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from opened_page import (
     Browser,
-    by_finger,
-    by_keys,
     by_mouse,
     fits_and_can_be_read,
     lead_to_the_end,
@@ -97,13 +94,11 @@ SHORT = specimen_data("liver", 0, 0, target_length=0.02)
 """A cut that a hand makes in some seconds."""
 
 
-@pytest.mark.parametrize("device", [by_mouse, by_finger, by_keys])
-def test_a_whole_cut_is_finished_and_ends_with_a_card(
-    page: Browser, device: Callable[..., Callable[[int], None]]
-) -> None:
+def test_a_whole_cut_is_finished_and_ends_with_a_card(page: Browser) -> None:
+    """By a mouse; a trainee cuts by fingers and keys (test_trainees_way.py)."""
     page.value(f"void (cutenvPage.told.specimens[0] = {json.dumps(SHORT)})")
     page.value("void document.getElementById('specimen').dispatchEvent(new Event('change'))")
-    lead_to_the_end(page, device(page, *start(page)))
+    lead_to_the_end(page, by_mouse(page, *start(page)))
     assert page.value("cutenvPage.page.cut.end") == "finished"
     assert page.value("document.getElementById('verdict').textContent").startswith("Finished: ")
     assert page.value("document.getElementById('results').children.length") == 10
@@ -277,8 +272,7 @@ def test_near_the_target_it_says_what_is_still_missing(page: Browser) -> None:
     assert page.value("document.getElementById('missing').textContent") == ""
 
 
-@pytest.mark.parametrize("language", ["en", "de"])
-@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize(("language", "dark"), [("en", True), ("de", False)])
 def test_it_fits_a_telephone_and_can_be_read(browser: Browser, written: Path, language: str, dark: bool) -> None:
     open_on_telephone(browser, written, language, dark)
     assert browser.value("document.documentElement.lang") == language

@@ -90,9 +90,6 @@ class Course:
         self.server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(quiet, directory=str(folder)))
         threading.Thread(target=self.server.serve_forever, daemon=True).start()
 
-    def as_uri(self) -> str:
-        return f"http://127.0.0.1:{self.server.server_port}/platform.html"
-
     def enter(self, runtime: str, **options: Any) -> None:
         """Open a platform that has this runtime, and a new package in it."""
         write_scorm_package(self.folder / "cut.zip", specimen_classes=["liver"], seed=3, **options)
@@ -102,7 +99,7 @@ class Course:
             f"<!DOCTYPE html><title>platform</title><iframe width=1000 height=800></iframe><script>{runtime}</script>"
         )
         (self.folder / "platform.html").write_text(page, encoding="utf-8")
-        self.browser.open(self, 1100)  # type: ignore[arg-type]
+        self.browser.open(f"http://127.0.0.1:{self.server.server_port}/platform.html", 1100)
         self.launch()
 
     def launch(self) -> None:

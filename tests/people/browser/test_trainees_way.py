@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -18,6 +17,13 @@ from cutenv.people.classroom import ClassStore
 from scripts.validation.classroom.class_load import Served
 
 WIDTH, HEIGHT = 390, 844
+COURSE = """name = "kurz"
+[[task]]
+name = "Leber"
+specimen_class = "liver"
+target_length_mm = 20
+mark = { overall_score = 100 }
+"""
 ENGLISH = re.compile(r"\b(the|of|is|are|with|cuts?|score|not|your|and|too|force|blade)\b", re.IGNORECASE)
 SHOWN = "[document.title, document.body.innerText].join(' ')"
 FOCUS = "document.activeElement.id || document.activeElement.name || document.activeElement.className"
@@ -27,19 +33,13 @@ PLACE = """((found, above) => {
 })(document.querySelector('%s'), %s)"""
 
 
-class Address:
-    """An address, where a browser's driver wants a path."""
-
-    def __init__(self, address: str) -> None:
-        self._address = address
-
-    def as_uri(self) -> str:
-        return self._address
-
-
-@pytest.fixture
-def served(tmp_path: Path) -> Iterator[Served]:
-    server = Served(tmp_path / "class", "--language", "de")
+@pytest.fixture(scope="module")
+def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    """A class of short cuts for every trainee; each leaves it at the end."""
+    folder = tmp_path_factory.mktemp("served")
+    course = folder / "course.toml"
+    course.write_text(COURSE, encoding="utf-8")
+    server = Served(folder / "class", "--language", "de", "--course", str(course))
     yield server
     server.end()
 
@@ -73,7 +73,7 @@ def fingers_go(page: Browser, _name: str, selector: str, key: str = "") -> None:
     tap(page, selector)
 
 
-def looked_at(page: Browser, _name: str) -> None:
+def look(page: Browser) -> None:
     fits_and_can_be_read(page, WIDTH)
     assert page.value("matchMedia('(prefers-color-scheme: dark)').matches")
     broken = page.value("[...document.querySelectorAll('button')].filter(each => each.offsetHeight > 120).length")
@@ -82,48 +82,43 @@ def looked_at(page: Browser, _name: str) -> None:
     assert not ENGLISH.search(shown.replace("English", "")), (ENGLISH.search(shown), shown)
 
 
-def led_there(
-    page: Browser, served: Served, go: Callable[..., None], device: Callable[..., Any], look: Callable[..., None]
-) -> str:
-    """Lead a trainee from the code to the card, each page looked at; what the card says."""
+@pytest.mark.parametrize(("go", "device"), [(keys_go, by_keys), (fingers_go, by_finger)])
+def test_a_trainee_comes_from_the_code_to_the_card(
+    browser: Browser, served: Served, go: Callable[..., None], device: Callable[..., Any]
+) -> None:
+    page = browser
     store = ClassStore(f"sqlite:///{served.folder / 'class.db'}")
     (code,) = store.add_codes(1)
     store.close()
-    address: Any = Address(served.address)
-    page.open(address, WIDTH, HEIGHT, dark=True)
-    wait(page, "document.activeElement.name === 'code'")
-    look(page, "enter")
+    page.open(served.address, WIDTH, HEIGHT, dark=True)
+    wait(page, "document.activeElement?.name === 'code'")
+    look(page)
     press(page, *code)
     go(page, "consent", "[name=consent]", " ")
     wait(page, "document.querySelector('[name=consent]').checked")
     go(page, "first", "button.first")
     wait(page, "Boolean(window.cutenvPage?.page?.cut)")
-    look(page, "before")
+    look(page)
     go(page, "start", "#start")
     wait(page, "cutenvPage.page.phase === 'cutting'")
     assert page.value(FOCUS) == "picture"
-    look(page, "cutting")
+    look(page)
     lead_to_the_end(page, device(page, *page.value(PLACE % ("#picture", "false"))))
     wait(page, "document.getElementById('kept').textContent && !cutenvPage.page.busy")
+    assert page.value("cutenvPage.page.cut.end") == "finished"
     if device is by_keys:  # a finger that is still on the picture takes the focus back there
         assert page.value(FOCUS) == "card"
-    look(page, "card")
+    look(page)
     assert page.value("document.querySelectorAll('#tries li').length") >= 1
     go(page, "watch", "#watch")
     wait(page, "cutenvPage.page.replay?.cut.count > 50")
-    look(page, "replay")
+    look(page)
     go(page, "end-replay", "#end-replay")
     wait(page, "document.querySelectorAll('#history tr').length === 2")
-    look(page, "history")
+    look(page)
     go(page, "start", "#start")  # the next specimen
     wait(page, "cutenvPage.page.phase === 'cutting' && document.getElementById('card').hidden")
     assert page.errors() == []
     assert [each for each in page.complaints() if "favicon.ico" not in each] == []  # Firefox looks for one
-    return str(page.value("document.getElementById('verdict').textContent"))
-
-
-@pytest.mark.parametrize(("go", "device"), [(keys_go, by_keys), (fingers_go, by_finger)])
-def test_a_trainee_comes_from_the_code_to_the_card(
-    browser: Browser, served: Served, go: Callable[..., None], device: Callable[..., Any]
-) -> None:
-    led_there(browser, served, go, device, looked_at)
+    page.value("document.querySelector('form[action=leave] button').click()")  # the next one has another code
+    wait(page, "document.activeElement?.name === 'code'")

@@ -116,16 +116,6 @@ def test_axe_finds_nothing_serious(
     assert browser.value(FOUND) == []
 
 
-class Address:
-    """An address, where the browser's driver wants a path."""
-
-    def __init__(self, address: str) -> None:
-        self._address = address
-
-    def as_uri(self) -> str:
-        return self._address
-
-
 @pytest.mark.needs("axe-core")
 @pytest.mark.parametrize(("language", "dark"), [("en", True), ("de", False)])
 def test_axe_finds_nothing_serious_on_the_served_page_that_cuts(
@@ -142,7 +132,7 @@ def test_axe_finds_nothing_serious_on_the_served_page_that_cuts(
         teacher.post(f"teacher/people/{code}/comment", data={"said": "Slower before the target."})
         for name, value in served.person(code).cookies.items():
             browser.tell("Network.setCookie", name=name, value=value, url=served.address)
-        browser.open(Address(f"{served.address}cut"), 1100, dark=dark)
+        browser.open(f"{served.address}cut", 1100, dark=dark)
         browser.value(READY)
         assert browser.value("document.documentElement.lang") == language
         browser.value(axe.read_text(encoding="utf-8") + ";0")

@@ -6,11 +6,9 @@ import csv
 import io
 import json
 import re
-import time
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -54,16 +52,6 @@ TO_THE_END = re.sub(
 """The same, back from the target until little pulls, and at rest until the cut has ended."""
 
 
-class Address:
-    """An address, where the browser's driver wants a path."""
-
-    def __init__(self, address: str) -> None:
-        self._address = address
-
-    def as_uri(self) -> str:
-        return self._address
-
-
 @pytest.fixture
 def served(tmp_path: Path) -> Iterator[Served]:
     server = Served(tmp_path / "class")
@@ -71,24 +59,16 @@ def served(tmp_path: Path) -> Iterator[Served]:
     server.end()
 
 
-def wait(browser: chromium.Browser, condition: str) -> None:
-    until = time.monotonic() + chromium.PATIENCE_S
-    while not browser.value(f"document.readyState === 'complete' && Boolean({condition})"):
-        assert time.monotonic() < until, condition
-        time.sleep(0.05)
-
-
 def test_an_educators_way(browser: chromium.Browser, served: Served, tmp_path: Path) -> None:
     def go(path: str, width: int = 1100, *, dark: bool = False) -> None:
-        address: Any = Address(served.address + path)
-        browser.open(address, width, dark=dark)
-        wait(browser, f"location.href.startsWith({json.dumps(served.address)})")
+        browser.open(served.address + path, width, dark=dark)
+        browser.wait(f"location.href.startsWith({json.dumps(served.address)})")
 
     def submit(selector: str, arrived: str, button: str = "button", **values: str) -> None:
         for name, value in values.items():
             browser.value(f"document.querySelector('{selector} [name={name}]').value = {json.dumps(value)}")
         browser.value(f"document.querySelector('{selector} {button}').click()")
-        wait(browser, arrived)
+        browser.wait(arrived)
 
     def said() -> str:
         return str(browser.value("document.querySelector('main').textContent"))
@@ -101,7 +81,7 @@ def test_an_educators_way(browser: chromium.Browser, served: Served, tmp_path: P
         """Address of a study or of pass marks, once they are worked out; the page looks again by itself."""
         go("teacher/studies")
         submit("form[action=studies]", "location.pathname.startsWith('/teacher/studies/')", f"[value={kind}]", **values)
-        wait(browser, "document.querySelector('a[href$=\".zip\"], [role=alert]')")
+        browser.wait("document.querySelector('a[href$=\".zip\"], [role=alert]')")
         assert "Tables: " in said(), said()
         return str(browser.value("location.pathname"))[1:]
 
@@ -126,13 +106,13 @@ def test_an_educators_way(browser: chromium.Browser, served: Served, tmp_path: P
             assert kept.startswith("Saved. Score ")
             assert "Not yet passed: it takes 90." in kept
             assert browser.value("document.querySelectorAll('#tries li').length") >= 1
-        wait(browser, "document.querySelectorAll('main #history tr').length === 3")
+        browser.wait("document.querySelectorAll('main #history tr').length === 3")
         longest = "texts => [...document.querySelectorAll('#results dt')].find(each => each.textContent === texts)"
         shown = browser.value(f"({longest})('longest sudden run').nextSibling.textContent")
         assert shown == browser.value("`${(1e3 * cutenvPage.page.kept.numbers.largest_jump).toFixed(1)} mm`")
-        wait(browser, "document.querySelectorAll('#curve circle').length === 2")
+        browser.wait("document.querySelectorAll('#curve circle').length === 2")
         browser.value("document.getElementById('watch').click()")
-        wait(browser, "cutenvPage.page.replay?.cut.count > 50 && document.getElementById('compared').rows.length === 5")
+        browser.wait("cutenvPage.page.replay?.cut.count > 50 && document.getElementById('compared').rows.length === 5")
         submit("form[action=leave]", "document.querySelector('[name=consent]')")
         assert browser.errors() == []
         assert browser.complaints() == []
@@ -141,7 +121,7 @@ def test_an_educators_way(browser: chromium.Browser, served: Served, tmp_path: P
     sign_in()
     assert browser.value("document.querySelectorAll('td.small svg').length") == 3
     browser.value("(window.left = true, document.querySelector('td a[href]').click())")
-    wait(browser, "!window.left && document.querySelector('svg, img')")
+    browser.wait("!window.left && document.querySelector('svg, img')")
     assert codes[0] in browser.value("document.body.textContent")
 
     # A record of another program, dropped on the page
@@ -152,7 +132,7 @@ def test_an_educators_way(browser: chromium.Browser, served: Served, tmp_path: P
     held = {"items": [], "files": [str(tmp_path / "other.csv")], "dragOperationsMask": 1}
     for moment in ("dragEnter", "dragOver", "drop"):
         browser.tell("Input.dispatchDragEvent", type=moment, x=box[0], y=box[1], data=held)
-    wait(browser, "document.querySelector('.drop').files.length")
+    browser.wait("document.querySelector('.drop').files.length")
     submit("form", "document.querySelector('.preview')")
     assert browser.value("document.querySelector('[name=force]').selectedOptions[0].textContent") == "2 F [N]"
     submit("form", "document.querySelector('[value=keep]')", "[value=look]")
@@ -222,17 +202,16 @@ def test_the_last_card_of_a_course_stays_when_nothing_comes_next(browser: chromi
     teacher.post("teacher", data={"token": served.token})
     teacher.post("teacher/codes", data={"count": "1"})
     (code,) = re.findall(r"people/(\w+)", teacher.get("teacher").text)
-    address: Any = Address(served.address)
-    browser.open(address, 1100)
+    browser.open(served.address, 1100)
     browser.value(f"document.querySelector('[name=code]').value = '{code}'")
     browser.value("document.querySelector('[name=consent]').checked = true")
     browser.value("document.querySelector('button.first').click()")
-    wait(browser, "window.cutenvPage?.page?.cut")
+    browser.wait("window.cutenvPage?.page?.cut")
     assert "This cut counts." in browser.value(TO_THE_END)
     shown = "['results', 'tries', 'kept'].map(name => document.getElementById(name).textContent)"
     before = browser.value(shown)
     browser.value("document.getElementById('start').click()")
-    wait(browser, "cutenvPage.page.done && !cutenvPage.page.busy")
+    browser.wait("cutenvPage.page.done && !cutenvPage.page.busy")
     assert "is done: 1 of 1 tasks" in browser.value("document.getElementById('course').textContent")
     assert all(before)
     assert browser.value(shown) == before
@@ -240,8 +219,7 @@ def test_the_last_card_of_a_course_stays_when_nothing_comes_next(browser: chromi
     served.end()
 
 
-@pytest.mark.parametrize("dark", [False, True])
-def test_pages_fit_a_telephone_and_can_be_read(browser: chromium.Browser, served: Served, dark: bool) -> None:
+def test_pages_fit_a_telephone_and_can_be_read(browser: chromium.Browser, served: Served) -> None:
     teacher = served.client()
     teacher.post("teacher", data={"token": served.token})
     teacher.post("teacher/codes", data={"count": "2", "class_name": "2b"})
@@ -250,8 +228,10 @@ def test_pages_fit_a_telephone_and_can_be_read(browser: chromium.Browser, served
         if path == "teacher/live":
             for name, value in teacher.cookies.items():
                 browser.tell("Network.setCookie", name=name, value=value, url=served.address)
-        address: Any = Address(served.address + path)
-        browser.open(address, 400, dark=dark)
-        wait(browser, "document.querySelector('form')")
+        browser.open(served.address + path, 400)
+        browser.wait("document.querySelector('form')")
         assert browser.value("document.documentElement.scrollWidth") <= 400
-        assert browser.value(chromium.LEAST_CONTRAST) >= 4.5
+        for dark in (False, True):
+            browser.darken(dark)
+            assert browser.value("matchMedia('(prefers-color-scheme: dark)').matches") is dark
+            assert browser.value(chromium.LEAST_CONTRAST) >= 4.5

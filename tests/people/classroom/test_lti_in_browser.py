@@ -8,7 +8,6 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 from urllib.parse import parse_qsl, urlencode, urlsplit
 
 import pytest
@@ -68,16 +67,6 @@ def _fields(values: dict[str, str]) -> str:
     return "".join(f'<input type="hidden" name="{name}" value="{html.escape(v)}">' for name, v in values.items())
 
 
-class Address:
-    """An address, where the browser's driver wants a path."""
-
-    def __init__(self, address: str) -> None:
-        self._address = address
-
-    def as_uri(self) -> str:
-        return self._address
-
-
 @pytest.fixture
 def room(tmp_path: Path) -> Room:
     return Room(tmp_path)
@@ -109,29 +98,22 @@ def platform(room: Room, tool: LtiTool) -> Iterator[LearningPlatform]:
     room.lesson.close()
 
 
-def wait(browser: chromium.Browser, condition: str) -> None:
-    until = time.monotonic() + chromium.PATIENCE_S
-    while not browser.value(f"document.readyState === 'complete' && Boolean({condition})"):
-        assert time.monotonic() < until, condition
-        time.sleep(0.05)
-
-
 def test_a_learner_comes_from_another_site_to_the_page_that_cuts(
     browser: chromium.Browser, platform: LearningPlatform
 ) -> None:
-    start: Any = Address(f"{platform.issuer}/course?_self")
+    start = f"{platform.issuer}/course?_self"
     browser.open(start, 900)
-    wait(browser, "document.querySelector('[name=consent]')")
+    browser.wait("document.querySelector('[name=consent]')")
     browser.value("document.querySelector('[name=consent]').click(), document.querySelector('button').click()")
-    wait(browser, f"location.href === {json.dumps(platform.tool + '/cut')}")
+    browser.wait(f"location.href === {json.dumps(platform.tool + '/cut')}")
     browser.open(start, 900)
-    wait(browser, f"location.href === {json.dumps(platform.tool + '/cut')}")
+    browser.wait(f"location.href === {json.dumps(platform.tool + '/cut')}")
 
 
 def test_in_a_frame_of_the_platform_stands_the_way_to_a_window(
     browser: chromium.Browser, platform: LearningPlatform
 ) -> None:
-    start: Any = Address(f"{platform.issuer}/course?inside")
+    start = f"{platform.issuer}/course?inside"
     browser.open(start, 900)
     until = time.monotonic() + chromium.PATIENCE_S
     found: list[str] = []
@@ -148,9 +130,9 @@ def test_in_a_frame_of_the_platform_a_registration_asks_it_to_close_the_window(
 ) -> None:
     platform.registered = {"client_id": "second"}
     invitation = RegistrationDesk(tool, CLOCK, "class", {}).invite(platform.tool)
-    start: Any = Address(f"{platform.issuer}/administration?{invitation}")
+    start = f"{platform.issuer}/administration?{invitation}"
     browser.open(start, 900)
-    wait(browser, "document.title !== 'platform'")
+    browser.wait("document.title !== 'platform'")
     assert json.loads(browser.value("document.title")) == {"subject": "org.imsglobal.lti.close"}
     assert [each.client_id for each in tool.file.platforms] == [CLIENT, "second"]
     assert not platform.troubles
