@@ -23,11 +23,6 @@ MODULES = {path.relative_to(ROOT).as_posix() for path in (ROOT / "cutenv").rglob
 SITE = "cutenv/assets/site/"
 HOOK = "scripts/kernels/wheel_hook.py"
 
-LOAD_A_POLICY = """
-import cutenv, cutenv.agents.policy
-name = cutenv.agents.policy.SHIPPED[0]
-print(cutenv.__file__, name, cutenv.agents.policy.shipped(name).card.sha256, sep="\\n")
-"""
 READ_A_TABLE = """
 import cutenv, cutenv._base.resources
 table = cutenv._base.resources.path("tables/table_6_1.csv")
@@ -115,37 +110,34 @@ def test_wheel_reads_its_own_tables_from_anywhere(site: Path, tmp_path: Path) ->
     assert int(length) == len((ROOT / "assets" / "tables" / "table_6_1.csv").read_text())
 
 
-def test_wheel_loads_the_policies_that_it_ships(site: Path, tmp_path: Path) -> None:
-    pytest.importorskip("safetensors", reason="trained policies are an extra: pip install 'cutenv[view]'")
-    module, name, digest = run_installed(site, LOAD_A_POLICY, tmp_path).split()
-    assert Path(module) == site / "cutenv" / "__init__.py"
-    shipped = ROOT / "assets" / "policies" / name / "policy.safetensors"
-    assert hashlib.sha256(shipped.read_bytes()).hexdigest() == digest
-
-
 TEN_LINES = """
 from stable_baselines3 import PPO
 from cutenv.agents.sb3 import FeatureVecEnv, NativeVecEnv
 for kind in (NativeVecEnv, FeatureVecEnv):
     environments = kind(2, control_hz=50)
     model = PPO("MlpPolicy", environments, n_steps=4, batch_size=8, n_epochs=1, gamma=1.0, device="cpu")
-    model.learn(16)
+    model.learn(8)
     print(kind.__name__, model.num_timesteps)
-import cutenv.agents.learning.ppo
+import cutenv.agents.learning.ppo, cutenv.agents.policy
+name = cutenv.agents.policy.SHIPPED[0]
+print(name, cutenv.agents.policy.shipped(name).card.sha256)
 print(cutenv.__file__)
 """
 
 
 @pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_wheel_trains_with_stable_baselines3(
+def test_wheel_trains_with_stable_baselines3_and_loads_the_policies_that_it_ships(
     site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, compiled: bool
 ) -> None:
     """In plain Python, for a wheel has no kernels yet, and to compile them takes most of the time."""
     pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
     if not compiled:
         monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
-    native, features, module = run_installed(site, TEN_LINES, tmp_path).splitlines()
-    assert (native, features) == ("NativeVecEnv 16", "FeatureVecEnv 16")
+    native, features, policy, module = run_installed(site, TEN_LINES, tmp_path).splitlines()
+    assert (native, features) == ("NativeVecEnv 8", "FeatureVecEnv 8")
+    name, digest = policy.split()
+    shipped = ROOT / "assets" / "policies" / name / "policy.safetensors"
+    assert hashlib.sha256(shipped.read_bytes()).hexdigest() == digest
     assert Path(module) == site / "cutenv" / "__init__.py"
 
 
