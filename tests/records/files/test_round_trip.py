@@ -35,7 +35,7 @@ def folder(tmp_path_factory):
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".h5", ".mcap"])
 @given(given=st.lists(traces(), min_size=1, max_size=3))
-@settings(max_examples=100)
+@settings(max_examples=50)
 def test_any_traces_come_back_to_the_last_bit(folder, suffix, given):
     save(given, folder / f"any{suffix}")
     check_same(load(folder / f"any{suffix}"), given)

@@ -285,17 +285,24 @@ def applies(invariance: str, kind: str) -> bool:
     return invariance != "resampling" or cut(kind).sample_rate > 200.0
 
 
+@functools.cache
+def before_and_after(kind: str, invariance: str) -> tuple[ScoredCut, ScoredCut]:
+    """A cut and what was made of it, for every metric: what several need of it is worked out once."""
+    tissue = TISSUES.get(invariance, measured_liver())
+    before, after = cut(kind), CHANGES[invariance](cut(kind))
+    return ScoredCut(trace=before, target_length=TARGET), ScoredCut(trace=after, target_length=TARGET, tissue=tissue)
+
+
 def check_invariance(function: Callable[[ScoredCut], float], invariance: str) -> None:
     """What ``function`` finds in any of the cuts stays as it is, or stays unavailable."""
     tested = 0
-    tissue = TISSUES.get(invariance, measured_liver())
     for kind in filter(lambda kind: applies(invariance, kind), CUTS):
-        before, after = cut(kind), CHANGES[invariance](cut(kind))
+        before, after = before_and_after(kind, invariance)
         try:
-            value = function(ScoredCut(trace=before, target_length=TARGET))
+            value = function(before)
         except Unavailable:
             continue
-        changed = function(ScoredCut(trace=after, target_length=TARGET, tissue=tissue))
+        changed = function(after)
         tolerance = TOLERANCES.get(invariance, ROUNDING) * abs(value) + 1e-12
         assert abs(changed - value) <= tolerance, f"{kind}: {value:g} became {changed:g}"
         tested += 1
