@@ -39,21 +39,27 @@ class Page(HTMLParser):
             self.links.append(named["href"])
 
 
-def pages(site: Path) -> dict[Path, Page]:
-    return {path: Page(path.read_text(encoding="utf-8")) for path in sorted(site.rglob("*.html"))}
+@pytest.fixture(scope="module")
+def texts(site: Path) -> dict[Path, str]:
+    return {path: path.read_text(encoding="utf-8") for path in sorted(site.rglob("*.html"))}
 
 
-def loaded_from_elsewhere(text: str) -> list[str]:
+@pytest.fixture(scope="module")
+def pages(texts: dict[Path, str]) -> dict[Path, Page]:
+    return {path: Page(text) for path, text in texts.items()}
+
+
+def loaded_from_elsewhere(text: str, loads: list[str]) -> list[str]:
     """Return every address in a page or style sheet that a browser would fetch from another machine."""
     in_styles = re.findall(r"(?:url\(\s*|@import\s+)[\"']?([^\"')\s;]+)", text)
-    found = [*Page(text).loads, *in_styles]
+    found = [*loads, *in_styles]
     return [each for each in found if re.match(r"(?:[a-z]+:)?//", each) and not each.startswith(("data:", "file:"))]
 
 
 def broken_links(path: Path, page: Page, all_pages: dict[Path, Page]) -> list[str]:
     """Return the internal links of a page whose file or anchor is missing."""
     broken = []
-    for link in page.links:
+    for link in dict.fromkeys(page.links):
         parts = urlsplit(link)
         if parts.scheme or parts.netloc:
             continue
@@ -67,10 +73,12 @@ def broken_links(path: Path, page: Page, all_pages: dict[Path, Page]) -> list[st
     return broken
 
 
-def test_no_page_loads_anything_from_elsewhere(site: Path) -> None:
-    files = [path for pattern in ("*.html", "*.css") for path in site.rglob(pattern)]
-    assert len(files) > 60
-    found = {str(path): loaded_from_elsewhere(path.read_text(encoding="utf-8")) for path in files}
+def test_no_page_loads_anything_from_elsewhere(site: Path, texts: dict[Path, str], pages: dict[Path, Page]) -> None:
+    assert len(texts) > 60
+    found = {str(path): loaded_from_elsewhere(text, pages[path].loads) for path, text in texts.items()}
+    sheets = list(site.rglob("*.css"))
+    assert sheets
+    found |= {str(path): loaded_from_elsewhere(path.read_text(encoding="utf-8"), []) for path in sheets}
     assert {path: addresses for path, addresses in found.items() if addresses} == {}
 
 
@@ -84,13 +92,12 @@ def test_no_page_loads_anything_from_elsewhere(site: Path) -> None:
     ],
 )
 def test_something_from_elsewhere_is_noticed(text: str) -> None:
-    assert len(loaded_from_elsewhere(text)) == 1
+    assert len(loaded_from_elsewhere(text, Page(text).loads)) == 1
 
 
-def test_links_and_anchors_lead_somewhere(site: Path) -> None:
-    all_pages = pages(site)
-    shown = {path: page for path, page in all_pages.items() if path.name != "404.html"}  # its links begin at the server
-    broken = {str(path.relative_to(site)): broken_links(path, page, all_pages) for path, page in shown.items()}
+def test_links_and_anchors_lead_somewhere(site: Path, pages: dict[Path, Page]) -> None:
+    shown = {path: page for path, page in pages.items() if path.name != "404.html"}  # its links begin at the server
+    broken = {str(path.relative_to(site)): broken_links(path, page, pages) for path, page in shown.items()}
     assert {path: links for path, links in broken.items() if links} == {}
 
 
@@ -102,8 +109,7 @@ def test_a_broken_link_is_noticed(link: str, tmp_path: Path) -> None:
     assert broken_links(path, page, {path: page}) == [link]
 
 
-def test_every_equation_is_mathml(site: Path) -> None:
-    texts = {path: path.read_text(encoding="utf-8") for path in site.rglob("*.html")}
+def test_every_equation_is_mathml(texts: dict[Path, str]) -> None:
     assert not [path for path, text in texts.items() if 'class="arithmatex"' in text]
     equations = [each for text in texts.values() for each in re.findall(r"<math\b.*?</math>", text, re.DOTALL)]
     assert len(equations) > 10
