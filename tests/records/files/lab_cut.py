@@ -103,6 +103,11 @@ def add(
     FORMATS.append(LabFormat(name=name, maker=maker, about=about, content=text.encode(encoding), **facts))
 
 
+def add_odd(name: str, lines: Sequence[str], **facts: Any) -> None:
+    """Add a file that people and programs of many kinds write; its name says what is odd."""
+    add(name, "people and programs", name.rpartition(".")[0].replace("_", " "), lines, **facts)
+
+
 def at(seconds: float) -> datetime.datetime:
     return START + datetime.timedelta(seconds=float(seconds))
 
