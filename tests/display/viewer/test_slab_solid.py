@@ -35,7 +35,7 @@ from cutenv.people.play.played_depth_cut import PlayedDepthCut
 from cutenv.records.scoring.truth import FLOOR_AT_END
 from cutenv.sim.tissue.grid import SPACING
 from cutenv.sim.trace import Trace
-from scripts.browsers import chromium
+from scripts.browsers.chromium import Browser
 
 ANGLE = math.radians(60.0)
 
@@ -265,25 +265,24 @@ def test_a_layer_that_is_no_depth_is_refused_by_name() -> None:
 
 
 @pytest.mark.needs("chromium")
-def test_the_near_half_is_taken_off_and_put_back(tmp_path: Path) -> None:
+def test_the_near_half_is_taken_off_and_put_back(browser: Browser, tmp_path: Path) -> None:
     path = tmp_path / "view.html"
     path.write_text(page(), encoding="utf-8")
     drawn = (
         "['top', 'rim', 'lines'].map(name => { const g = cutView.node(`tissue/${name}/<object>`).geometry;"
         " return Math.min(g.drawRange.count, g.index.count) / g.index.count; })"
     )
-    with chromium.browser(tmp_path / "profile", graphics=True) as browser:
-        browser.open(path, 900)
-        assert browser.value(drawn) == [0.5, 0.5, 0.5]
-        assert browser.value("cutView.node('tissue/ahead').visible && !cutView.node('tissue/near').visible")
-        assert browser.value("document.getElementById('shown-below').textContent").endswith(" mm")
-        browser.value("document.getElementById('half').click()")
-        assert browser.value(drawn) == [1.0, 1.0, 1.0]
-        assert browser.value("cutView.node('tissue/near').visible && !cutView.node('tissue/ahead').visible")
-        browser.value("cutView.show(20)")
-        parts = "cutView.node('tissue/near/<object>').geometry.drawRange.count"
-        assert browser.value(parts) == 3 * told(page())["cut_parts"][20] > 0
-        assert browser.errors() == []
+    browser.open(path, 900)
+    assert browser.value(drawn) == [0.5, 0.5, 0.5]
+    assert browser.value("cutView.node('tissue/ahead').visible && !cutView.node('tissue/near').visible")
+    assert browser.value("document.getElementById('shown-below').textContent").endswith(" mm")
+    browser.value("document.getElementById('half').click()")
+    assert browser.value(drawn) == [1.0, 1.0, 1.0]
+    assert browser.value("cutView.node('tissue/near').visible && !cutView.node('tissue/ahead').visible")
+    browser.value("cutView.show(20)")
+    parts = "cutView.node('tissue/near/<object>').geometry.drawRange.count"
+    assert browser.value(parts) == 3 * told(page())["cut_parts"][20] > 0
+    assert browser.errors() == []
 
 
 def standing(vertices: np.ndarray, at: ScalpelPose) -> np.ndarray:

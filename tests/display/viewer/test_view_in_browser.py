@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import dataclasses
 import io
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from view_pages import INSTANTS, document, shown, told, with_told
 
-from scripts.browsers import chromium
 from scripts.browsers.chromium import LEAST_CONTRAST, Browser
 
 pytest.importorskip("meshcat", reason="the 3-D viewer is an extra: pip install 'cutenv[view3d]'")
@@ -27,13 +26,6 @@ pytestmark = pytest.mark.needs("chromium")
 DESK, PHONE = 1000, 390
 DRAWN = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(done, 50))))"
 UNITS = 10.0  # of the scene in a metre
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    """One browser for all of these tests, with 3-D graphics in software."""
-    with chromium.browser(tmp_path_factory.mktemp("profile"), graphics=True) as opened:
-        yield opened
 
 
 @pytest.fixture(scope="module")
