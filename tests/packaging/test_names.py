@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 from collections import defaultdict
 from dataclasses import fields
 from pathlib import Path
@@ -50,6 +51,7 @@ SAME_FILE_NAMES = {
 """File names that several folders hold, with the reason; ``__init__`` is in every package."""
 
 
+@functools.cache
 def defined_names(path: Path) -> set[str]:
     """Public names that a module defines at its top level: classes, functions, constants, type aliases."""
     names: set[str] = set()
