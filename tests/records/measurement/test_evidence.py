@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import json
 import math
 from collections.abc import Callable
@@ -29,6 +30,11 @@ def tissue_from(chosen: Callable[[MeasuredCut], bool] = lambda _: True, **option
     return tissue_of([cut for cut in cuts() if chosen(cut)], MODEL, **options)
 
 
+@functools.cache
+def whole_session() -> TissueDescription:
+    return tissue_from(resamples=30)
+
+
 def calibration_of(tissue: TissueDescription) -> TissueCalibration:
     assert tissue.calibration is not None
     return tissue.calibration
@@ -47,7 +53,7 @@ def check_assumed(tissue: TissueDescription, *names: str) -> None:
 
 
 def test_a_full_session_leaves_nothing_assumed() -> None:
-    tissue = tissue_from(resamples=30)
+    tissue = whole_session()
     check_assumed(tissue)
     facts = calibration_of(tissue)
     assert (facts.cuts, facts.specimens) == (18, 3)
@@ -261,7 +267,7 @@ DAMAGES: dict[str, Callable[[dict[str, Any]], Any]] = {
 
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_a_damaged_calibration_is_refused(damage: str) -> None:
-    content = json.loads(tissue_from(resamples=30).to_json())
+    content = json.loads(whole_session().to_json())
     TissueDescription.from_json(json.dumps(content))
     DAMAGES[damage](content["calibration"])
     with pytest.raises(ValueError, match=r"calibration|evidence|provenance"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import json
 import math
 import re
@@ -47,6 +48,7 @@ def reference(force_unit: str = "N", cuts: int = 40, **columns: object) -> Refer
     )
 
 
+@functools.cache
 def cards() -> dict[str, ScoreCard]:
     """Of every cut, with a reference set of its unit."""
     return {kind: score(cut(kind), target_length=TARGET, reference=reference(cut(kind).force_unit)) for kind in CUTS}

@@ -216,10 +216,11 @@ def estimates(back: bool) -> tuple[float, float, float]:
         readings = run(plant, ways)
         trace = to_trace(plant, readings)
         truth = Truth(tip=readings["tip"].copy(), jump=readings["jump"].copy(), resistance=200.0)
-        told = value("tip_error", trace, target_length=TARGET)
+        estimated = ScoredCut(trace=trace, target_length=TARGET)
+        told = METRICS["tip_error"].function(estimated)
         errors.append(abs(told - value("tip_error", trace, target_length=TARGET, truth=truth)))
         there = slice(int(np.argmax(readings["position"])))
-        on_the_way.append(np.mean(np.abs(ScoredCut(trace=trace).tip - truth.tip)[there]))
+        on_the_way.append(np.mean(np.abs(estimated.tip - truth.tip)[there]))
     return 1e3 * float(np.median(errors)), 1e3 * float(np.percentile(errors, 95)), 1e3 * float(np.median(on_the_way))
 
 
