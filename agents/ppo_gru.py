@@ -10,7 +10,7 @@ memory, and no more.  The memory is empty where a cut begins.  It is trained by 
 the rollout is divided into chunks, each begins with the memory that the rollout had there, and gradients end at its
 start. The standard deviation of the actions is not learned but falls on a schedule, so that at last the mean action,
 which is what is evaluated, does without the noise.
-What it gets is on the page docs/results/memory-gap.md.
+What it gets is on the page docs/results/from-scratch.md.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -64,6 +65,8 @@ class Args:
     """Standard deviation of the actions at the start."""
     last_exploration: float = 0.1
     """The same at the end, to which it falls linearly."""
+    forward: float = 0.0
+    """Mean of the first action, the speed, before anything is learned."""
     eval_specimens: int = 200
     """Number of held-out specimens of the evaluation."""
 
@@ -150,15 +153,18 @@ class Agent(nn.Module):
         return actions, log_probabilities, self.get_value(seen)
 
 
-def new_agent(args: Args) -> Agent:
-    """Return an untrained agent with the sizes of the environment; the seed decides its weights."""
+def new_agent(args: Args, envs: gym.vector.VectorEnv | None = None) -> Agent:
+    """Return an untrained agent with the sizes of the environments; the seed decides its weights."""
     torch.manual_seed(args.seed)
-    envs = make_env(args, 1)
+    sized = envs or make_env(args, 1)
     observation_size, action_size = (
-        space.shape[0] for space in (envs.single_observation_space, envs.single_action_space)
+        space.shape[0] for space in (sized.single_observation_space, sized.single_action_space)
     )
-    envs.close()
-    return Agent(observation_size, action_size, args.hidden_size)
+    if envs is None:
+        sized.close()
+    agent = Agent(observation_size, action_size, args.hidden_size)
+    nn.init.constant_(agent.actor_mean[-1].bias[0], args.forward)
+    return agent
 
 
 def to_env(actions: torch.Tensor) -> np.ndarray:
@@ -285,17 +291,30 @@ def loss_of(agent: Agent, chosen: Sequences, args: Args) -> tuple[torch.Tensor, 
     return policy_loss + args.vf_coef * value_loss, ratio
 
 
-def train(args: Args, verbose: bool = True) -> tuple[Agent, list[float]]:
-    """Train; return the agent, and the mean return of the cuts that ended in each update."""
+def train(
+    args: Args,
+    verbose: bool = True,
+    envs: gym.vector.VectorEnv | None = None,
+    watch: Callable[[Agent, int], None] | None = None,
+) -> tuple[Agent, list[float]]:
+    """Train; return the agent, and the mean return of the cuts that ended in each update.
+
+    Parameters
+    ----------
+    envs : VectorEnv, optional
+        By default those of ``args.env``.
+    watch : callable, optional
+        Called with the agent and the number of decisions after every update.
+    """
     if args.num_steps % args.chunk:
         raise SystemExit(f"--num-steps {args.num_steps} is no multiple of --chunk {args.chunk}.")
     if args.batch_size // args.chunk < args.num_minibatches:
         raise SystemExit(f"--num-minibatches {args.num_minibatches} is more than there are sequences in an update.")
     torch.set_num_threads(1)
     rng = np.random.default_rng(args.seed)
-    agent = new_agent(args)
+    envs = envs or make_env(args, args.num_envs)
+    agent = new_agent(args, envs)
     optimizer = torch.optim.Adam(agent.parameters(), lr=args.learning_rate, eps=1e-5)
-    envs = make_env(args, args.num_envs)
     rollout = Rollout(args, envs, agent)
 
     start, curve = time.time(), []
@@ -319,6 +338,8 @@ def train(args: Args, verbose: bool = True) -> tuple[Agent, list[float]]:
                 nn.utils.clip_grad_norm_(agent.parameters(), args.max_grad_norm)
                 optimizer.step()
 
+        if watch:
+            watch(agent, (update + 1) * args.batch_size)
         if verbose and (update % 10 == 9 or update == num_updates - 1):
             decisions = (update + 1) * args.batch_size
             speed = decisions / (time.time() - start)

@@ -6,7 +6,7 @@
 It needs cutenv's environment, gymnasium, numpy and torch, and nothing from cutenv.agents.learning.  It sees the 12
 numbers of the observation and learns by trial alone: no features, no demonstrations, and a critic that sees no more
 than the actor.  Doing nothing earns -0.1.  What learners get from these numbers is on the page
-docs/results/stock-learners.md. The agent of ``cutenv train`` has all of these: its demonstrations alone bring it to
+docs/results/from-scratch.md. The agent of ``cutenv train`` has all of these: its demonstrations alone bring it to
 0.75.
 """
 

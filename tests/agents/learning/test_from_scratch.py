@@ -1,0 +1,89 @@
+"""Learners from scratch: each trains on what it is said to see, its curve is kept, and no run is made twice."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("stable_baselines3", reason="the learners are an extra: pip install 'cutenv[rl]'")
+
+from cutenv.agents.learning.seeds import TEST_SEEDS
+from scripts.benchmarks.agents import from_scratch
+
+DECISIONS = 600
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """Runs of all learners on gentle cutting, much smaller than published ones."""
+    out = tmp_path_factory.mktemp("runs")
+    with pytest.MonkeyPatch.context() as smaller:
+        for name, value in {"ENVIRONMENTS": 8, "MEMORY_ENVIRONMENTS": 8, "SPECIMENS": 3, "HELD_OUT": 5}.items():
+            smaller.setattr(from_scratch, name, value)
+        smaller.setattr(from_scratch, "PPO_SETTINGS", from_scratch.PPO_SETTINGS | {"n_steps": 40, "batch_size": 64})
+        smaller.setitem(from_scratch.SAC_SETTINGS, "learning_starts", 500)
+        run(out, "--tasks", "gentle", "--seeds", "0", "--decisions", f"{DECISIONS}")
+        written = {path: path.stat().st_mtime_ns for path in out.iterdir()}
+        run(out, "--tasks", "gentle", "--seeds", "0", "--decisions", f"{DECISIONS}")
+        assert {path: path.stat().st_mtime_ns for path in out.iterdir()} == written
+    return out
+
+
+def run(folder: Path, *options: str) -> None:
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("sys.argv", ["from_scratch.py", "--out", str(folder), *options])
+        from_scratch.main()
+
+
+def test_every_learner_has_a_curve_that_ends_on_held_out_specimens(folder):
+    runs = from_scratch.kept(folder)
+    wanted = {(learner, shown) for learner in from_scratch.LEARNERS for shown in from_scratch.SHOWN}
+    assert {(run.learner, run.shown) for run in runs} == wanted - {("easier", "raw")}
+    for rows in runs.values():
+        decisions = [row["decisions"] for row in rows]
+        assert decisions[0] < DECISIONS <= decisions[-1]
+        assert decisions == sorted(decisions)
+        assert [row["specimens"] for row in rows] == [3.0] * (len(rows) - 1) + [5.0]
+        assert all(-1.5 < row["return"] < 1.0 for row in rows)
+
+
+def test_the_table_has_them_beside_the_best_script_and_the_picture_is_drawn(folder, tmp_path):
+    table = from_scratch.report(folder).splitlines()[2:]
+    assert len(table) == 2 + 1 + 7
+    assert table[2].startswith("| gentle | script: return stroke |")
+    (row,) = [line for line in table if "| PPO with a memory | features |" in line]
+    last = from_scratch.kept(folder)[from_scratch.Run("gentle", "memory", "features", 0)][-1]
+    assert f"| {last['return']:.3f} | {100.0 * last['success']:.0f} |" in row
+    from_scratch.draw(folder, tmp_path / "curves.png")
+    assert (tmp_path / "curves.png").stat().st_size > 10_000
+
+
+def test_a_curve_counts_the_first_cut_of_each_specimen():
+    run = from_scratch.Run("gentle", "ppo", "raw", 0)
+    ahead = np.tile(np.array([0.6, 0.0], np.float32), (4, 1))
+    together, success = from_scratch.cut_with(
+        lambda seen, memory, begun: (ahead, memory), run.environments(TEST_SEEDS[:4])
+    )
+    for number, seed in enumerate(TEST_SEEDS[:4]):
+        alone = from_scratch.cut_with(lambda seen, memory, begun: (ahead[:1], memory), run.environments([seed]))
+        assert (together[number], success[number]) == (alone[0][0], alone[1][0])
+    assert len(set(together)) == 4
+
+
+def test_an_agents_memory_is_empty_where_a_cut_begins():
+    run = from_scratch.Run("gentle", "memory", "raw", 0)
+    agent = from_scratch.ppo_gru.Agent(12, 2, 16)
+    act = from_scratch.memory_of(agent)
+    seen = np.random.default_rng(0).normal(size=(2, 12)).astype(np.float32)
+    first, memory = act(seen, None, np.ones(2, bool))
+    again, _ = act(seen, memory, np.array([True, False]))
+    assert np.array_equal(first[0], again[0])
+    assert not np.array_equal(first[1], again[1])
+    assert run.rate == 10
+
+
+def test_without_a_run_there_is_no_table(tmp_path):
+    with pytest.raises(SystemExit, match=r"holds no run; run 'python -m scripts.benchmarks.agents.from_scratch' first"):
+        from_scratch.kept(tmp_path)
