@@ -107,13 +107,7 @@ class Content:
         self._hash = hashlib.sha256()
 
     def add(self, value: Any) -> None:
-        """Add a value; equal ones of Python and NumPy are the same.
-
-        Raises
-        ------
-        TypeError
-            If the value is of a type without canonical bytes.
-        """
+        """Add a value; equal ones of Python and NumPy are the same."""
         add = self._hash.update
         if isinstance(value, np.generic) and value.dtype.names is None:
             value = value.item()

@@ -14,13 +14,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def package_version(root: Path = ROOT) -> str:
-    """Read the version from ``cutenv/__init__.py``, its only place.
-
-    Raises
-    ------
-    SystemExit
-        If it is not there.
-    """
+    """Read the version from ``cutenv/__init__.py``, its only place."""
     found = re.search(r'^__version__ = "(.+)"$', (root / "cutenv" / "__init__.py").read_text(encoding="utf-8"), re.M)
     if found is None:
         raise SystemExit('cutenv/__init__.py has no line __version__ = "...". Add it.')
@@ -34,22 +28,7 @@ def sections(changelog: str) -> dict[str, tuple[str, str]]:
 
 
 def release_notes(changelog: str, tag: str, version: str) -> str:
-    """Return the notes of a release.
-
-    Parameters
-    ----------
-    changelog : str
-        Text of CHANGELOG.md.
-    tag : str
-        Tag of the release, such as "v0.1.0".
-    version : str
-        Version of the package.
-
-    Raises
-    ------
-    SystemExit
-        If the tag is not that of the version, or the changelog has no section, no text or no date for it.
-    """
+    """Return the notes of a release; SystemExit where the changelog has none with text and date, or the tag differs."""
     if tag.removeprefix("v") != version:
         raise SystemExit(
             f"The tag {tag} is not that of the version {version} in cutenv/__init__.py. Change one of them."

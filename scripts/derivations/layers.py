@@ -59,10 +59,7 @@ _ROUNDED = 1e-4  # the reach in use is the fitted one to this [m]
 class SlabsOfBricks:
     """Stiffness of slabs in layers over that of a uniform one, by bricks, at 15 tips and 17 depths from 1 mm on.
 
-    Attributes
-    ----------
-    effective : array, shape (15, 17)
-        Effective depth T g of the uniform slab [m].
+    ``effective``, shape (15, 17), is the effective depth T g of the uniform slab [m].
     """
 
     def __init__(self) -> None:

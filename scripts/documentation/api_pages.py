@@ -40,13 +40,7 @@ INTERNAL = ("cutenv.rig.devices.canopen", "cutenv.display.viewer.solid")
 
 
 def modules() -> list[str]:
-    """Return the names of all modules that have a page.
-
-    Raises
-    ------
-    FileNotFoundError
-        If one of :data:`MODULES` or :data:`INTERNAL` is gone: correct the list.
-    """
+    """Return the names of all modules that have a page."""
     for name in (*MODULES, *INTERNAL):
         _source(name)
     packages = [path.parent for path in PACKAGE.rglob("__init__.py") if path.parent != PACKAGE]

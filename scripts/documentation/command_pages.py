@@ -51,13 +51,7 @@ def _block(name: str) -> str:
 
 
 def printed_help(arguments: list[str]) -> str:
-    """Return what ``cutenv ... --help`` prints.
-
-    Raises
-    ------
-    RuntimeError
-        If the command does not print a help and exit with 0.
-    """
+    """Return what ``cutenv ... --help`` prints."""
     out = io.StringIO()
     status: object = "no exit"
     before = {name: os.environ.get(name) for name in ("COLUMNS", "NO_COLOR")}

@@ -121,23 +121,7 @@ print(*map(":".join, entered))
 
 
 def measures(root: Path = ROOT) -> Measures:
-    """Measure a checkout.
-
-    Parameters
-    ----------
-    root : Path
-        Folder of the checkout; nothing is written there but Python's bytecode.
-
-    Returns
-    -------
-    dict
-        Value of each measure, in the order of `LABELS`.
-
-    Raises
-    ------
-    SystemExit
-        If the environment of the checkout cannot be made.
-    """
+    """Measure a checkout; nothing is written there but Python's bytecode."""
     package = _sources(root, PACKAGE)
     sizes = [_line_count(path) for path in package]
     functions = [size for path in package for size in _function_sizes(_tree(path))]
@@ -190,13 +174,7 @@ def comparison(root: Path = ROOT) -> str:
 
 
 def kept(path: Path) -> dict[str, Measures]:
-    """Read numbers that ``--json`` has written.
-
-    Raises
-    ------
-    SystemExit
-        If there is no such file.
-    """
+    """Read numbers that ``--json`` has written; SystemExit with the cure if there is no such file."""
     if not path.is_file():
         raise SystemExit(
             f"{path} is missing; make it by: python -m scripts.documentation.measure_codebase "
@@ -233,24 +211,12 @@ def import_cycles(root: Path, *folders: str) -> list[list[str]]:
 
 
 def loaded_modules(root: Path) -> list[str]:
-    """List the modules of cutenv that a fresh process has loaded when it has made the environment GentleCut.
-
-    Raises
-    ------
-    SystemExit
-        If the environment cannot be made.
-    """
+    """List the modules of cutenv that a fresh process has loaded when it has made the environment GentleCut."""
     return _answered(root, _LOAD)
 
 
 def entered_in_step(root: Path, made: str) -> set[str]:
-    """List the functions of cutenv, as ``module:function``, that one step of an environment enters in plain Python.
-
-    Raises
-    ------
-    SystemExit
-        If the environment cannot be made.
-    """
+    """List the functions of cutenv, as ``module:function``, that one step of an environment enters in plain Python."""
     return set(_answered(root, _STEP.replace("MADE", made), NUMBA_DISABLE_JIT="1"))
 
 

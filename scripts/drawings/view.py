@@ -36,13 +36,7 @@ LEGS = [
 
 
 def photograph(page: Path, picture: Path) -> None:
-    """Take a picture of a page in a browser.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no chromium.
-    """
+    """Take a picture of a page in a browser."""
     browser = shutil.which("chromium")
     if browser is None:
         raise FileNotFoundError("no chromium: apt-get install chromium")

@@ -155,17 +155,8 @@ def learn_stop(specimens: int) -> LearnedStop:
 def fit_values(returns: Array32, shown: Array32) -> nn.Module:
     """Fit the returns of stopping now and of going on, from stops at successive places.
 
-    Parameters
-    ----------
-    returns : array, shape (places, n)
-        Return of n cuts for each place of the stop.
-    shown : array, shape (places, n, size)
-        What was seen there; NaN where a cut ended before.
-
-    Returns
-    -------
-    nn.Module
-        Network with two outputs, for shape (n, size).
+    ``returns`` has shape (places, n); ``shown``, shape (places, n, size), is NaN where a cut had ended before. The
+    network has two outputs, for shape (n, size).
     """
     torch.manual_seed(0)
     there = np.isfinite(shown).all(axis=2)

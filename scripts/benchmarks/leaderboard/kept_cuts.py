@@ -31,15 +31,11 @@ EVERY_CLASS = ("return", "success")
 class KeptRun:
     """Cuts of a script, or of an agent with one training seed.
 
-    Attributes
-    ----------
-    facts : dict
-        ``contestant``, ``training_seed`` (None: a script), ``author``, ``date``, ``code``; of a training run also
-        ``training_minutes``, ``training_decisions``, ``returns_after_cuts`` and ``kept_its_start``; of an entry
-        ``kind``, and ``digest`` and ``salt`` that its specimens are drawn from.
-    by_class : dict of str to list of Row
-        Cuts of each class of specimens, in the order of their seeds; with an entry also, by the name of the protocol's
-        script, those that this made of the entry's specimens.
+    ``facts`` has ``contestant``, ``training_seed`` (None: a script), ``author``, ``date``, ``code``; of a training run
+    also ``training_minutes``, ``training_decisions``, ``returns_after_cuts`` and ``kept_its_start``; of an entry
+    ``kind``, and ``digest`` and ``salt`` that its specimens are drawn from. The cuts of each class are in the order of
+    their seeds; with an entry there are also, by the name of the protocol's script, those that this made of the entry's
+    specimens.
     """
 
     facts: dict[str, Any]

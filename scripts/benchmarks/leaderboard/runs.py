@@ -63,20 +63,8 @@ class Part:
 class Benchmark:
     """State of a comparison in a folder: finished and remaining parts.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder of all files.
-    protocol : Protocol
-        Definition of the comparison.
-    only : sequence of str
-        Names of the participants; empty: all.
-    processes : int
-        Number of processes for training and evaluation.
-    runs : Path, optional
-        Folder of the training runs, of the name ``runs``; default that in ``folder``.
-    seeds : int, optional
-        Number of training runs of each agent to make now, the first ones; default all.
+    Participants are all, or ``only`` some; ``runs`` holds the training runs, of which each agent makes the first
+    ``seeds``.
     """
 
     def __init__(
@@ -109,13 +97,7 @@ class Benchmark:
         return [part for part in self.parts() if not file_of(self.folder, part.contestant, part.seed).is_file()]
 
     def untrained(self) -> list[Part]:
-        """Return the runs that remain to be trained: those whose cuts are kept need no training.
-
-        Raises
-        ------
-        SystemExit
-            If a folder holds a finished run with other options than the protocol's.
-        """
+        """Return the runs that remain to be trained: those whose cuts are kept need no training."""
         return [part for part in self.uncut() if part.seed is not None and not self.is_trained(part)]
 
     def is_trained(self, part: Part) -> bool:

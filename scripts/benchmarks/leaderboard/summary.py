@@ -31,23 +31,8 @@ _NOTHING = "–"
 class Table:
     """The summary, indexed by contestant, class, score and statistic.
 
-    Parameters
-    ----------
-    lines : sequence of Line
-        Numbers of the summary.
-    protocol : Protocol
-        Protocol of the comparison.
-    sweeps : sequence of dict
-        Rows of sweeps.csv.
-    facts : mapping
-        Facts of each contestant's runs.
-
-    Attributes
-    ----------
-    contestants : list of str
-        All of them, the best return first.
-    rows : list of str
-        Those who have a row, by kind and then by return: of several whose cuts are equal, the first.
+    ``contestants`` are all of them, the best return first; ``rows`` those who have a row, by kind and then by return:
+    of several whose cuts are equal, the first.
     """
 
     def __init__(

@@ -113,13 +113,7 @@ def publish(folder: Path, to: Path = PUBLISHED) -> None:
 
 
 def add_submission(path: Path, to: Path = PUBLISHED, policies: Sequence[str] = ()) -> None:
-    """Repeat every cut of a submission, by its policies if they are given, and add it to the published comparison.
-
-    Raises
-    ------
-    OSError, ValueError
-        If it is damaged, a return differs, or it is no entry; names what is wrong.
-    """
+    """Repeat every cut of a submission, by its policies if given, and add it; ValueError if it is no entry."""
     protocol = kept_protocol(to)
     entry, runs, script = checked(path, policies)
     if entry.protocol != protocol:

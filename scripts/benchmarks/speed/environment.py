@@ -19,15 +19,7 @@ _ENVIRONMENTS = ("cutenv/GentleCut-v1", "Pendulum-v1", "CartPole-v1")
 
 
 def step_times(steps: int = 4000, rounds: int = 5) -> dict[str, float]:
-    """Measure the time per step of each environment [us], without resets; the best of ``rounds`` interleaved rounds.
-
-    Parameters
-    ----------
-    steps : int
-        Number of steps of each environment in a round.
-    rounds : int
-        Number of rounds, interleaved so that a busy machine slows all alike.
-    """
+    """Measure the time per step of each environment [us], without resets; the best of ``rounds`` interleaved rounds."""
     envs = {name: gymnasium.make(name) for name in _ENVIRONMENTS}
     best = dict.fromkeys(envs, np.inf)
     for _ in range(rounds):

@@ -37,19 +37,8 @@ class FactorisationSpeedup(TypedDict):
 def factorisation_speedup(divisions: tuple[int, int] = (8, 15), repeats: int = 3) -> FactorisationSpeedup:
     """Compare the two ways on 8-node plane-stress elements, in one process, from the same assembled matrix.
 
-    Both ways order and factorise alike; neither time includes assembly. Without slips the specimen is
-    uniform, as `CutModel` treats every mirror-symmetric one; with slips its halves differ in modulus.
-
-    Parameters
-    ----------
-    divisions : tuple of int
-        Elements across (even) and along the specimen.
-    repeats : int
-        Number of timings of factorising per tip, and a third of those of the short ways; the fastest counts.
-
-    Returns
-    -------
-    FactorisationSpeedup
+    Both ways order and factorise alike; neither time includes assembly. Without slips the specimen is uniform, as
+    `CutModel` treats every mirror-symmetric one; with slips its halves differ in modulus.
     """
     specimen = CutModel(divisions=divisions)
     halves = np.where(specimen.element_centres[:, 0] < 0.0, 1.0, 2.0)

@@ -47,13 +47,7 @@ class FirstUse(NamedTuple):
 
 
 def seconds(program: str, kept: Path) -> float:
-    """Return the number on the last line that a program prints, run in a process with its kernel cache in ``kept``.
-
-    Raises
-    ------
-    subprocess.CalledProcessError, subprocess.TimeoutExpired
-        If the program fails or takes too long.
-    """
+    """Return the number on the last line that a program prints, run in a process with its kernel cache in ``kept``."""
     done = subprocess.run(
         [sys.executable, "-c", program],
         env=os.environ | {"NUMBA_CACHE_DIR": str(kept)},

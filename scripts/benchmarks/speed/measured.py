@@ -18,18 +18,10 @@ class Number(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """Result of a benchmark.
+    """Result of a benchmark; without numbers, nothing was measured."""
 
-    Attributes
-    ----------
-    numbers : mapping of str to Number
-        Numbers by names that are the same in every run, so that runs can be compared; empty if nothing was measured.
-    lines : sequence of str
-        The same numbers as text, with requirements and verdicts.
-    """
-
-    numbers: Mapping[str, Number]
-    lines: Sequence[str]
+    numbers: Mapping[str, Number]  # by names that are the same in every run
+    lines: Sequence[str]  # the same as text, with requirements and verdicts
 
 
 def at_least(what: str, value: float, required: float) -> str:

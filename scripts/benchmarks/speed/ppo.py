@@ -30,13 +30,7 @@ def missing() -> str | None:
 
 
 def training_speed(program: Sequence[str] = PROGRAM) -> dict[str, float]:
-    """Run ``scripts/benchmarks/speed/training_speed.py``; return its decisions, decisions_per_s and environments_share.
-
-    Raises
-    ------
-    RuntimeError
-        If the program fails; the message ends with its last line.
-    """
+    """Run the program; return its decisions, decisions_per_s and environments_share, or raise RuntimeError."""
     path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
     try:
         done = subprocess.run(

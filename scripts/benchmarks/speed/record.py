@@ -36,13 +36,7 @@ def record_of(numbers: Numbers, date: datetime) -> Record:
 
 
 def check_place(path: Path) -> None:
-    """Refuse a file that could not be written, before minutes are spent on measuring.
-
-    Raises
-    ------
-    ValueError
-        If ``path`` is a folder, or its folder does not exist.
-    """
+    """Refuse a file that could not be written, before minutes are spent on measuring."""
     if path.is_dir():
         raise ValueError(f"{path} is a folder. Give the name of a file in it.")
     if not path.parent.is_dir():
@@ -66,13 +60,7 @@ def write(path: Path, record: Record) -> None:
 
 
 def read(path: Path) -> Record:
-    """Read a record written by :func:`write`.
-
-    Raises
-    ------
-    ValueError
-        If there is no such file, or it is no record; the message explains how to make one.
-    """
+    """Read a record written by :func:`write`; ValueError with the cure if it is none."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:

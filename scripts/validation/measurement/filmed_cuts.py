@@ -58,22 +58,9 @@ def filmed_cut(
 ) -> FilmedCut:
     """Cut a slice forward and back through a sensor, and move beads by a finer model than any that measures them.
 
-    Parameters
-    ----------
-    specimen : Specimen
-        Slice that is cut through.
-    length, speed : float
-        Travel [m] and speed [m/s] of the blade; it returns at 1.27 cm/s.
-    divisions : tuple of int
-        Mesh that moves the beads, driven by the force.
-    noise : float
-        Standard deviation of a bead's place along each axis [m].
-    frames : float
-        Frames a second.
-    seed : int
-        Seed of the noise of sensor and tracks.
-    **model
-        Further arguments of the beads' `CutModel`.
+    The blade goes ``length`` [m] at ``speed`` [m/s], and returns at 1.27 cm/s. The mesh of ``divisions`` and further
+    arguments of `CutModel` moves the beads, driven by the force; ``noise`` is the standard deviation of a bead's place
+    along each axis [m], and ``frames`` are those a second.
     """
     plant = SimulatedPlant(specimen, seed=seed)
     readings = run(plant, [Leg(position=0.0, speed=speed, dwell=0.5), Leg(position=length, speed=speed, dwell=0.2)])

@@ -71,25 +71,15 @@ class KnownCut:
 
 @dataclass(frozen=True, kw_only=True)
 class Recovery:
-    """Errors of single cuts under one condition, each as median and 95th percentile; relative to the true value.
+    """Errors of single cuts under one condition, each as median and 95th percentile; relative to the true value."""
 
-    Attributes
-    ----------
-    cuts, with_modulus, refused : int
-        Number of cuts measured, of those with three segments or more, and of those that could not be measured.
-    resistance, modulus, friction : tuple of float
-        Errors of R [1], of the median LEM of a cut [1], of friction's share of R (difference) [1].
-    eta90 : float
-        Value from all cuts together.
-    """
-
-    cuts: int
-    with_modulus: int
-    refused: int
-    resistance: tuple[float, float]
-    modulus: tuple[float, float]
-    friction: tuple[float, float]
-    eta90: float
+    cuts: int  # that were measured
+    with_modulus: int  # those of three segments or more
+    refused: int  # that could not be measured
+    resistance: tuple[float, float]  # error of R [1]
+    modulus: tuple[float, float]  # error of the median LEM of a cut [1]
+    friction: tuple[float, float]  # difference of friction's share of R [1]
+    eta90: float  # from all cuts together
 
 
 def with_depth(cut: KnownCut) -> Trace:

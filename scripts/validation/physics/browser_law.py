@@ -30,10 +30,7 @@ MILLISECONDS = 12_000
 class CompiledCut:
     """A copy of a cut, advanced by a compiled program, by default the one that the page carries.
 
-    Attributes
-    ----------
-    records : list of (int, Records)
-        Address of each record of its state, beside Python's.
+    ``records`` has the address of each record of its state, beside Python's.
     """
 
     def __init__(self, cut: HandCut, program: bytes | None = None) -> None:

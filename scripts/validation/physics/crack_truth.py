@@ -194,17 +194,8 @@ def _share_and_most(where: str, errors: Any) -> Row:
 def _table_errors(line: CutLine, way: CutLine, tips: Any, stiffness: Any) -> tuple[Any, Any]:
     """Return the errors of a line's table for tips on ``way``, and how far their feet are from the slab's axis [m].
 
-    Parameters
-    ----------
-    line, way : CutLine
-        Line of the table, and that of the crack.
-    tips, stiffness : array, shape (n,) and (n, 2, 2)
-        Lengths of ``way`` [m], and the stiffness there along it and to its left [1].
-
-    Returns
-    -------
-    array, shape (m, 3), and array, shape (m,)
-        Of tips beside 40 to 130 mm of the line: along, coupled and across, in the frame of the crack.
+    The errors, shape (m, 3), are those of tips beside 40 to 130 mm of the line: along, coupled and across, in the frame
+    of the crack. ``tips`` are lengths of ``way`` [m], ``stiffness``, shape (n, 2, 2), is along it and to its left [1].
     """
     grid = np.arange(N_POINTS) * SPACING
     table, base = given_line(line, **STORED).records[0], straight_stiffness(**STORED).along

@@ -38,13 +38,7 @@ WIDTHS = (0.2, 0.1)
 
 
 def read_ratings(path: Path) -> dict[str, Array]:
-    """Return each trial's ratings, shape (4,), in the order of the experts.
-
-    Raises
-    ------
-    FileNotFoundError
-        If the file is missing; the message names the cure.
-    """
+    """Return each trial's ratings, shape (4,), in the order of the experts."""
     if not path.is_file():
         raise FileNotFoundError(f"No file {path}. Put scalpel_excision_ratings.csv there, or name its folder (--data).")
     with path.open(newline="", encoding="utf-8") as file:

@@ -38,15 +38,7 @@ SOURCE = "straizys/elliptical-excision-force-model; Communications Engineering 2
 
 
 def read_cuts(path: Path) -> list[Trace]:
-    """Read every cut of the file, force only, unit "1"; metadata: trial, cut, cut_samples, source, licence.
-
-    Raises
-    ------
-    FileNotFoundError
-        If the file is missing; the message names the cure.
-    RecordError
-        If its columns are others.
-    """
+    """Read every cut of the file, force only, unit "1"; metadata: trial, cut, cut_samples, source, licence."""
     if not path.is_file():
         raise FileNotFoundError(
             f"No file {path}. The recorded cuts are not part of this repository: put "

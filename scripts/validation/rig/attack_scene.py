@@ -39,33 +39,15 @@ def named(name: str, about: str, attack: Attack) -> Attack:
 
 @dataclass(kw_only=True)
 class Outcome:
-    """Outcome of an attack; SI units.
+    """Outcome of an attack; SI units."""
 
-    Attributes
-    ----------
-    cause : str or None
-        Cause of the stop; None: the cut went on.
-    way : float or None
-        Travel of the blade from the attack to its rest, or to the end; None: unknown.
-    moves : bool
-        True if it moves in the end though it was stopped, or though nothing commands it.
-    refused : bool
-        True if commands are refused after a stop.
-    before : bool
-        True if a busy machine had stopped it before the attack: this is no trial of it.
-    stalls : int
-        Number of delays of this machine meanwhile.
-    notes : list of str
-        Other observations; those that are wrong begin with "!".
-    """
-
-    cause: str | None = None
-    way: float | None = None
-    moves: bool = False
-    refused: bool = True
-    before: bool = False
-    stalls: int = 0
-    notes: list[str] = field(default_factory=list)
+    cause: str | None = None  # of the stop; None: the cut went on
+    way: float | None = None  # from the attack to rest or end; None: unknown
+    moves: bool = False  # in the end, though it was stopped or nothing commands it
+    refused: bool = True  # commands are, after a stop
+    before: bool = False  # a busy machine had stopped it: this is no trial
+    stalls: int = 0  # of this machine meanwhile
+    notes: list[str] = field(default_factory=list)  # those that are wrong begin with "!"
 
     @property
     def safe(self) -> bool:
@@ -91,12 +73,7 @@ class Outcome:
 class Scene:
     """An emulated rig on which a blade cuts, its spine in a process of its own; recreated after each attack.
 
-    Attributes
-    ----------
-    orders : Orders
-        Where an attack writes how the drivers misbehave.
-    notes : list of str
-        Observations of the present attack.
+    In ``orders`` an attack writes how the drivers misbehave; ``notes`` are observations of the present attack.
     """
 
     def __init__(self) -> None:

@@ -24,13 +24,7 @@ _HANGS = 3.0  # [s] for which a call does not return
 
 
 class Orders:
-    """Memory, shared through a file, in which an attack writes how the drivers misbehave.
-
-    Parameters
-    ----------
-    file : Path
-        The file; made if it is missing.
-    """
+    """Memory, shared through a file, in which an attack writes how the drivers misbehave."""
 
     def __init__(self, file: Path) -> None:
         file.touch()

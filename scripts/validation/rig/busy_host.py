@@ -21,27 +21,13 @@ class TooBusy(Exception):
 
 @dataclass(frozen=True)
 class Lateness:
-    """Lateness of threads on this machine.
+    """Lateness of threads on this machine."""
 
-    Attributes
-    ----------
-    late : list of float
-        Delays of a thread by more than :data:`LATE` [s].
-    preferred : bool
-        Whether the system gave it priority.
-    """
-
-    late: list[float]
-    preferred: bool
+    late: list[float]  # delays of a thread by more than :data:`LATE` [s]
+    preferred: bool  # whether the system gave it priority
 
     def check(self) -> None:
-        """Raise if the machine is too busy.
-
-        Raises
-        ------
-        TooBusy
-            With the lateness, and the priority to ask for.
-        """
+        """Raise :class:`TooBusy` if the machine is too busy."""
         if len(self.late) < MANY:
             return
         seen = (

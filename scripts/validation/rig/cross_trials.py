@@ -30,21 +30,11 @@ _FROM_LIMIT_SWITCH = 0x8A80
 
 
 class CrossFault(NamedTuple):
-    """Fault of the emulator as a trial injects it.
+    """Fault of the emulator as a trial injects it."""
 
-    Attributes
-    ----------
-    emulated : str
-        Name among :data:`cutenv.rig.imitated.emulator.emulated_bench.FAULTS`.
-    given : dict
-        Its parameters.
-    forward : bool
-        True if the blade is being raised, or goes to the left, when it occurs; else it descends, or goes to the right.
-    """
-
-    emulated: str
+    emulated: str  # name among :data:`cutenv.rig.imitated.emulator.emulated_bench.FAULTS`
     given: dict[str, Any]
-    forward: bool = False
+    forward: bool = False  # the blade is being raised, or goes to the left; else it descends, or goes to the right
 
 
 def _faults(axis: str) -> dict[str, CrossFault]:

@@ -63,15 +63,7 @@ class HostWatch:
 
 
 class CuttingRig:
-    """A rig that cuts in an emulated one's specimens, made ready again after every stop.
-
-    Parameters
-    ----------
-    settings : RigSettings
-        Settings of the emulated rig.
-    control : EmulatorControl
-        Control for mounting specimens.
-    """
+    """A rig that cuts in an emulated one's specimens, made ready again after every stop."""
 
     def __init__(self, settings: RigSettings, control: EmulatorControl) -> None:
         self.settings, self._supply = settings, EmulatedSpecimens(control)

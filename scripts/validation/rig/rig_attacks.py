@@ -51,7 +51,6 @@ ABOUT = {name: str(attack.__doc__) for name, (attack, _) in ATTACKS.items()} | {
     name: str(trial.__doc__) for name, trial in TRIALS.items()
 }
 """Description of each, by its name."""
-"""File from which the documentation is made."""
 
 
 @dataclass(frozen=True)

@@ -26,16 +26,8 @@ _PATIENCE = 60.0  # [s] to wait for a child process
 class CutProcess:
     """A rig that cuts in a separate process; see :func:`cut_until_stopped`.
 
-    Parameters
-    ----------
-    emulator : RunningEmulator
-        Emulated rig on which it cuts.
-    seed : int
-        Seed of the specimen.
-    kept : bool
-        Whether there is a process between this one and it, which can then be killed.
-    errors : int, optional
-        Descriptor of its standard error, of its spine's too; by default this process's.
+    ``kept`` puts a process between this one and it, which can then be killed; ``errors`` is the descriptor of its
+    standard error, and of its spine's.
     """
 
     def __init__(self, emulator: RunningEmulator, *, seed: int, kept: bool = False, errors: int | None = None) -> None:
@@ -53,13 +45,7 @@ class CutProcess:
         self._read = b""
 
     def line(self) -> dict[str, Any]:
-        """Return the next line of JSON from the process.
-
-        Raises
-        ------
-        RigError
-            If none arrives in time, or the process has ended.
-        """
+        """Return the next line of JSON from the process; RigError if none arrives in time."""
         output = self.process.stdout
         assert output is not None
         deadline = time.monotonic() + _PATIENCE

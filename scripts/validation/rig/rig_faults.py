@@ -74,17 +74,8 @@ HEADER = (
 class Trials:
     """Runs trials, on a new emulator where a fault has left the last one unusable.
 
-    Parameters
-    ----------
-    check : callable, optional
-        Called after failed attempts; raises :class:`TooBusy` if more would fail too.
-    kind : str
-        Kind of rig, of :data:`KNOWN`.
-
-    Attributes
-    ----------
-    before : Counter
-        Number of trials that were made again, by fault.
+    ``check`` is called after failed attempts, and raises :class:`TooBusy` if more would fail too; ``before`` counts the
+    trials that were made again, by fault.
     """
 
     def __init__(self, check: Callable[[], None] | None = None, *, kind: str = "") -> None:
@@ -94,13 +85,7 @@ class Trials:
         self._rig: CuttingRig | None = None
 
     def one(self, fault: str, random: np.random.Generator) -> Trial:
-        """Run one trial of the fault, at an instant sampled by ``random``.
-
-        Raises
-        ------
-        TooBusy, RigError
-            If the machine is too busy for it.
-        """
+        """Run one trial of the fault, at an instant sampled by ``random``."""
         for attempt in range(_ATTEMPTS):
             if self._check is not None and attempt in _LOOKED_AT:
                 self.close()

@@ -40,13 +40,7 @@ PERCENTILES = (50.0, 99.0, 99.9, 100.0)
 
 
 class Times:
-    """Times of events during the cuts; all [s].
-
-    Attributes
-    ----------
-    series : dict
-        Lists of times by name.
-    """
+    """Times of events during the cuts, in lists by name; all [s]."""
 
     def __init__(self) -> None:
         self.series: dict[str, list[float]] = {

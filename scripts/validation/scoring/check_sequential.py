@@ -160,11 +160,6 @@ def library_rows(studies: int) -> list[dict[str, Any]]:
     """Return what the library confseq finds in the first ``studies`` of each kind, beside what is found here.
 
     Its betting martingale, with its own bets, which learn from earlier pairs, tests one side at half of the error.
-
-    Raises
-    ------
-    SystemExit
-        If the library is not there.
     """
     try:
         from confseq.betting import betting_mart

@@ -33,43 +33,21 @@ Span = tuple[float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class Skill:
-    """Ranges from which a person's habits are drawn for each cut.
+    """Ranges from which a person's habits are drawn for each cut."""
 
-    Attributes
-    ----------
-    feed, creep, back : tuple of float
-        Speed of the hand on the way, near the target, and on the way back [m/s].
-    lean : tuple of float
-        Angle of the blade on the way [deg].
-    upright_from, slow_from : tuple of float
-        Distance of the tip to the target from which on the blade is upright, and the hand slows down [m].
-    aim : tuple of float
-        Place at which the tip is to end, beyond the target [m].
-    reaction : tuple of float
-        Time after which the tip is seen [s].
-    tremor : float
-        Standard deviation of the hand's speed [m/s].
-    stroke, pause : tuple of float
-        Durations of a stroke forward and of what follows it [s]; without a pause the hand goes steadily.
-    pause_speed : tuple of float
-        Speed of the hand in a pause [m/s].
-    gives_up : tuple of float
-        Share of the way at which the cut is left.
-    """
-
-    feed: Span
-    creep: Span = (0.003, 0.005)
-    back: Span = (0.008, 0.015)
-    lean: Span = (50.0, 70.0)
-    upright_from: Span = (0.012, 0.020)
-    slow_from: Span = (0.010, 0.020)
-    aim: Span = (-0.002, 0.002)
-    reaction: Span = (0.15, 0.25)
-    tremor: float = 0.0005
-    stroke: Span = (1.0, 1.0)
-    pause: Span = (0.0, 0.0)
-    pause_speed: Span = (0.0, 0.0)
-    gives_up: Span = (9.0, 9.0)
+    feed: Span  # speed of the hand on the way [m/s]
+    creep: Span = (0.003, 0.005)  # speed near the target [m/s]
+    back: Span = (0.008, 0.015)  # speed on the way back [m/s]
+    lean: Span = (50.0, 70.0)  # angle of the blade on the way [deg]
+    upright_from: Span = (0.012, 0.020)  # distance of the tip to the target from which on the blade is upright [m]
+    slow_from: Span = (0.010, 0.020)  # that from which on the hand slows down [m]
+    aim: Span = (-0.002, 0.002)  # place at which the tip is to end, beyond the target [m]
+    reaction: Span = (0.15, 0.25)  # time after which the tip is seen [s]
+    tremor: float = 0.0005  # standard deviation of the hand's speed [m/s]
+    stroke: Span = (1.0, 1.0)  # duration of a stroke forward [s]
+    pause: Span = (0.0, 0.0)  # duration of what follows it [s]; without one the hand goes steadily
+    pause_speed: Span = (0.0, 0.0)  # [m/s]
+    gives_up: Span = (9.0, 9.0)  # share of the way at which the cut is left
 
 
 SKILLS: Mapping[str, Skill] = {

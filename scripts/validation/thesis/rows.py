@@ -27,18 +27,7 @@ class Row:
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """Rows that belong together, and their summary in one line.
-
-    Attributes
-    ----------
-    title, source : str
-        Subject of the comparison, and its reference: table, equation, figure or section.
-    ours, tolerance : str
-        Summary of all rows.
-    rows : tuple of Row
-    notes : tuple of str
-        Errata that were taken into account, and reasons why a row misses.
-    """
+    """Rows that belong together, and their summary in one line; notes name errata, and why a row misses."""
 
     title: str
     source: str
@@ -77,21 +66,8 @@ Statements = Iterator[Row | tuple[str, Any]]
 class Check:
     """An entry of the registry; called with whether to be quick, it returns the :class:`Comparison`.
 
-    Attributes
-    ----------
-    name : str
-        Short name on the command line and in the tests.
-    title, source, tolerance : str
-        As of the comparison; a title may depend on whether to be quick.
-    found : callable
-        Returns the rows, and the summary of ours in words.
-    notes : tuple of str
-    misses : tuple of str
-        Beginnings of the rows that are known to miss; a note says why.
-    most_misses : int
-        Number of rows that may miss of a quick, random sample, whichever they are.
-    listed : bool
-        Whether it stands in the table of the documentation; all others compare the thesis with itself.
+    ``misses`` are beginnings of the rows that are known to miss (a note says why), ``most_misses`` the number that may
+    miss of a quick, random sample. All that are not ``listed`` compare the thesis with itself.
     """
 
     name: str

@@ -80,12 +80,8 @@ def played_films(folder: Path, seconds: float, seed: int) -> dict[int, CameraSet
 class WatchedCamera(RigCamera):
     """Camera beside the rig that keeps the times of all frames, and tells the processor time of its process.
 
-    Attributes
-    ----------
-    earlier : list of float
-        Times of the frames of earlier cuts, on the machine's clock [s].
-    spent : float
-        Processor time of the process, when it was closed [s].
+    ``earlier`` are the times of the frames of earlier cuts, on the machine's clock [s]; ``spent`` is the processor time
+    of the process, when it was closed [s].
     """
 
     def __init__(self, settings: CameraSettings) -> None:

@@ -37,13 +37,7 @@ HEADER = ("method", "along", "coupled", "across", "energy residual", "time of a 
 
 
 def measured(entry: Path, benchmark: Path) -> Standing:
-    """Return the result of an entry.
-
-    Raises
-    ------
-    ValueError
-        If a file is missing or wrong; the message names file, line and cure.
-    """
+    """Return the result of an entry; ValueError with file, line and cure if a file is missing or wrong."""
     about = _about(entry / "about.json")
     reference, found = _stiffness(benchmark / "reference.csv"), _stiffness(entry / "stiffness.csv")
     worst = np.zeros(3)

@@ -28,30 +28,16 @@ _CLOCK = 90_000  # time base of the video files [Hz]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FilmedCut:
-    """Film of a cut, and what is true of every frame.
+    """Film of a cut, and what is true of every frame."""
 
-    Attributes
-    ----------
-    cameras : list of RenderedCamera
-        Left and right.
-    time : array, shape (n,)
-        Time of each frame on the video's clock [s]; that of the record is later by ``lag``.
-    lag : float
-        Time on the record's clock at the video's time 0 [s].
-    along, vertical : array, shape (n,)
-        True embedded length along the blade, and depth [m].
-    spoilt : list of str
-        Way in which each frame is spoilt, or "".
-    """
-
-    cameras: list[RenderedCamera]
+    cameras: list[RenderedCamera]  # left and right
     scenes: list[FilmedScene]
     blade: Blade
-    time: Array
-    lag: float
-    along: Array
-    vertical: Array
-    spoilt: list[str]
+    time: Array  # of each frame on the video's clock [s]
+    lag: float  # time on the record's clock at the video's time 0 [s]
+    along: Array  # true embedded length along the blade [m]
+    vertical: Array  # true depth [m]
+    spoilt: list[str]  # in which way each frame is, or ""
     ends: Array
     velocity: Array
     target: Array
@@ -140,32 +126,14 @@ def film_cut(
     size: tuple[int, int] = (512, 384), field: float = 0.17, lag: float | None = None,
     tag: NDArray[np.uint8] | None = None, tissue: MovedTissue | None = None,
 ) -> FilmedCut:  # fmt: skip
-    """Film a cut.
+    """Film a cut of a blade that is at ``position`` [m] at ``time`` [s], at an angle against the surface [rad].
 
-    Parameters
-    ----------
-    time, position : array, shape (n,)
-        Motion of the blade along the cut [s], [m].
-    depth : array, shape (m,)
-        Depth of cut that the blade meets at positions 0, 0.5 mm, 1 mm, ... [m].
-    angle : float
-        Angle of the blade against the surface [rad].
-    seed : int
-        Draws all that the measurement is not told: cameras, lenses, light, look of blade and slab, times, faults.
-    rate, noise, spoilt : float
-        Frames a second [Hz], noise of the images at middle grey [DN], share of spoilt frames.
-    total, strip, width : float
-        Strip's centre to the blade's end, strip along the blade, width of the blade [m].
-    size : (int, int)
-        Width and height of a camera's image [px].
-    field : float
-        Width of the scene that an image shows [m].
-    lag : float, optional
-        Time on the record's clock at the video's time 0 [s]; drawn by default.
-    tag : ndarray of uint8, optional
-        Cells of a tag that is on the blade in place of the strip, 0 for black; its side is ``strip``.
-    tissue : MovedTissue, optional
-        Tissue that the cut moves; by default it stands still.
+    ``depth`` is the depth of cut that the blade meets at positions 0, 0.5 mm, 1 mm, ... [m]. ``seed`` draws all that
+    the measurement is not told: cameras, lenses, light, look of blade and slab, times, faults. ``rate`` is in frames a
+    second, ``noise`` that of the images at middle grey [DN], ``spoilt`` the share of spoilt frames; ``total`` goes from
+    the strip's centre to the blade's end, ``field`` is the width of the scene that an image shows [m], ``size`` in
+    pixels. ``lag``, the time on the record's clock at the video's time 0 [s], is drawn by default. A ``tag``, cells
+    that are 0 for black, is on the blade in place of the strip; ``tissue`` that the cut moves stands still by default.
     """
     rng = np.random.default_rng([seed, 0])
     blade = draw_blade(rng, angle=angle, total=total, strip=strip, width=width, tag=tag)

@@ -19,10 +19,7 @@ _TURNS = 40  # in which a place at rest settles
 class MovedTissue:
     """Tissue of a finite-element model, whose tip is where a simulated cut has it.
 
-    Attributes
-    ----------
-    time, tip, lead : array, shape (n,)
-        Clock of the record [s], tip and its displacement by the blade [m].
+    Clock of the record [s], tip, and its displacement by the blade [m], shape (n,) each.
     """
 
     model: CutModel

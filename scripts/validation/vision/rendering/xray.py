@@ -44,43 +44,22 @@ class Box:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class XRayCamera:
-    """X-ray source and intensifier.
+    """X-ray source and intensifier."""
 
-    Attributes
-    ----------
-    angle : float
-        0: detector above, looking down; pi/2: detector at +x [rad].
-    isocentre : array, shape (3,)
-        Point at which the arm looks [m].
-    to_isocentre, to_detector : float
-        Distances from the source [m].
-    pitch : float
-        Height of a pixel on the detector [m].
-    error : tuple of float
-        a [1/px], b, c [px] of the radial error y = a r^2 + b r + c over the true radius r.
-    swirl : float
-        Turn over the true radius squared [rad/px^2].
-    centre : tuple of float
-        Centre of the distortion, in square pixels.
-    photons : float
-        Photons that a pixel counts where nothing is in the way.
-    blur : float
-        Standard deviation of the blur [px].
-    """
-
-    angle: float = 0.0
-    isocentre: tuple[float, float, float] = (0.0, 0.07, 0.012)
-    to_isocentre: float = 0.62
-    to_detector: float = 0.98
-    pitch: float = 0.0004
+    angle: float = 0.0  # 0: detector above, looking down; pi/2: detector at +x [rad]
+    isocentre: tuple[float, float, float] = (0.0, 0.07, 0.012)  # where the arm looks [m]
+    to_isocentre: float = 0.62  # from the source [m]
+    to_detector: float = 0.98  # from the source [m]
+    pitch: float = 0.0004  # height of a pixel on the detector [m]
     rows: int = 480
     columns: int = 720
     aspect: float = 10.0 / 11.0
     error: tuple[float, float, float] = (8e-5, -0.0079, 0.0)
-    swirl: float = 0.0
-    centre: tuple[float, float] = (327.0, 240.0)
-    photons: float = 900.0
-    blur: float = 0.7
+    """a [1/px], b, c [px] of the radial error y = a r^2 + b r + c over the true radius r."""
+    swirl: float = 0.0  # turn over the true radius squared [rad/px^2]
+    centre: tuple[float, float] = (327.0, 240.0)  # of the distortion, in square pixels
+    photons: float = 900.0  # that a pixel counts where nothing is in the way
+    blur: float = 0.7  # standard deviation [px]
     shading: float = 0.25
     tilt: float = 0.0
 
@@ -231,18 +210,10 @@ class XRayCamera:
         turn: float = 0.0,
         plate: float = 1.6,
     ) -> NDArray[np.uint8]:
-        """Return the image of a grid plate parallel to the detector.
+        """Return the image of a grid plate parallel to the detector, ``distance`` from it [m].
 
-        Parameters
-        ----------
-        spacing, hole : float
-            Distance between holes and their diameter [m].
-        distance : float
-            Distance of the plate from the detector [m].
-        missing : float
-            Share of holes that are not there.
-        plate : float
-            Attenuation times thickness of the plate.
+        Holes are of a diameter ``hole``, ``spacing`` apart [m], and a share ``missing``; ``plate`` is attenuation times
+        thickness.
         """
         scale = self.pitch * (self.to_detector - distance) / self.to_detector
         c, s = math.cos(turn), math.sin(turn)

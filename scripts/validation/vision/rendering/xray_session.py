@@ -60,25 +60,13 @@ class CutHistory:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Session:
-    """Session of two C-arms, and what is true of it.
+    """Session of two C-arms, and what is true of it."""
 
-    Attributes
-    ----------
-    cameras : dict of XRayCamera
-        "top" and "side".
-    rest : array, shape (n, 3)
-        Places of the beads before the cut [m].
-    cut : CutHistory
-        Motion of the blade and the tip.
-    lag : float
-        Time on the record's clock at the first frame [s].
-    """
-
-    cameras: dict[str, XRayCamera]
-    rest: Array
+    cameras: dict[str, XRayCamera]  # "top" and "side"
+    rest: Array  # places of the beads before the cut, shape (n, 3) [m]
     model: CutModel
     cut: CutHistory
-    lag: float
+    lag: float  # time on the record's clock at the first frame [s]
     seed: int
     dose: float
 
