@@ -1,4 +1,4 @@
-"""Check the physics on sampled specimens: stiffness, reloading, energy, sampling, measurement and speed of resets.
+"""Check the physics on sampled specimens: stiffness, reloading, energy and sampling.
 
     python -m scripts.validation.physics.straight                        30 specimens, 10,000 draws: about a minute
     python -m scripts.validation.physics.straight --specimens 3 --only stiffness account
@@ -9,14 +9,12 @@ and what is promised; a line without a promise is a finding.  The exit status is
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import itertools
 import math
 import sys
-import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -28,13 +26,11 @@ from cutenv.sim.cutting.dtypes import READING, TICK
 from cutenv.sim.cutting.motion import STRAIGHT
 from cutenv.sim.cutting.simulate import account_one, follow
 from cutenv.sim.plant import SimulatedPlant
-from cutenv.sim.tissue import CutModel, Specimen, measured_liver
+from cutenv.sim.tissue import CutModel, Specimen
 from cutenv.sim.tissue.slab import ROWS, row_means
 from cutenv.sim.tissue.specimen import N_POINTS, SPACING
-from scripts.benchmarks.speed.batch import MANY, RESETS_IN_STEPS, rates
-from scripts.validation.measurement import recovery
 from scripts.validation.physics.adversarial_motions import INCLINED, MOTIONS, UPRIGHT
-from scripts.validation.physics.promises import LEAST_WORK, RESIDUAL, SEED, Row, drawn
+from scripts.validation.physics.promises import LEAST_WORK, RESIDUAL, SEED, Row, run
 
 Array = NDArray[np.float64]
 
@@ -46,10 +42,8 @@ RELOAD = 0.0005
 """Largest relative change of the force on return, against that when the blade was drawn back [1]."""
 FURTHEST = 0.10
 """Largest length of the cuts [m]."""
-CUT_LENGTH = 0.11
-"""Length of the cuts that are measured [m]."""
-ETA90 = 0.03
-"""Largest error of eta90, from all cuts together [1]."""
+KEYS = 10_000
+"""Specimens drawn to see that none is refused."""
 
 
 def check_stiffness(specimens: Sequence[Specimen]) -> Iterator[Row]:
@@ -136,11 +130,11 @@ def runs_out_of_energy(specimen: Specimen, stiffness: Array) -> bool:
     return bool(np.any(rise / K * (specimen.fracture_force()[:last] / K) > 0.5))
 
 
-def check_drawing(keys: int) -> Iterator[Row]:
+def check_drawing(_: Sequence[Specimen]) -> Iterator[Row]:
     """Check that every key gives a specimen; count those with a position where no crack can run on."""
     drawn_of: Counter[str] = Counter()
     stopping: Counter[str] = Counter()
-    for episode in range(keys):
+    for episode in range(KEYS):
         try:
             specimen = Specimen.drawn(SEED, episode, specimen_class="mixed")
         except ValueError:
@@ -151,64 +145,24 @@ def check_drawing(keys: int) -> Iterator[Row]:
             drawn_of[specimen.specimen_class] += 1
             stopping[specimen.specimen_class] += runs_out_of_energy(specimen, stiffness)
     came = drawn_of.total()
-    yield Row("keys that give a specimen, finite and positive everywhere", f"{came} of {keys}", "all", came == keys)
+    yield Row("keys that give a specimen, finite and positive everywhere", f"{came} of {KEYS}", "all", came == KEYS)
     for kind, count in sorted(drawn_of.items()):
         share = f"{stopping[kind]} of {count}, {100 * stopping[kind] / count:.2f} %"
         yield Row(f"  of class {kind}: a place where a crack finds no energy to run on", share)
 
 
-def check_measurement(specimens: int) -> Iterator[Row]:
-    """Check the recovery of R, LEM, friction and eta90, by ``scripts/validation/measurement/recovery.py``."""
-    cuts, true_eta90 = recovery.cut_specimens(CUT_LENGTH, specimens, SEED), measured_liver().eta90
-    for name, promised in recovery.PROMISED.items():
-        found = recovery.recovery(cuts, recovery.CONDITIONS[name])
-        where = f"{name.strip()}, {100 * CUT_LENGTH:g} cm"
-        measured = f"{found.cuts} of {len(cuts)}"
-        if "no return stroke" in name:  # a record without a steady segment then gives nothing
-            yield Row(f"cuts measured, {where}", measured)
-        else:
-            yield Row(f"cuts measured, {where}", measured, "all", found.refused == 0)
-        errors = {"R [%]": found.resistance, "LEM [%]": found.modulus, "friction [points]": found.friction}
-        for (what, (median, high)), most in zip(errors.items(), promised, strict=True):
-            shown = f"{100 * median:.1f} / {100 * high:.1f}"
-            yield Row(f"  error of {what}, median / 95th percentile", shown, f"95th <= {100 * most:g}", high <= most)
-        off, shown = abs(found.eta90 - true_eta90), f"{found.eta90:.3f} for {true_eta90:.3f}"
-        yield Row("  eta90 of all cuts together", shown, f"within {ETA90:g}", off <= ETA90)
-
-
-def check_resets() -> Iterator[Row]:
-    """Check that a batch resets in fewer than so many of its own steps, in one process."""
-    rate = rates(MANY, rounds=2)
-    steps = rate.native / rate.resets
-    what = f"resetting {MANY} environments, in steps of the batch"
-    yield Row(what, f"{steps:.1f}", f"fewer than {RESETS_IN_STEPS:g}", steps < RESETS_IN_STEPS)
+CHECKS = {
+    "stiffness": check_stiffness,
+    "reloading": check_reloading,
+    "account": check_account,
+    "drawing": check_drawing,
+}
+"""Parts of the table."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Check and print; return 1 if a promise is not kept."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--specimens", type=int, default=30)
-    parser.add_argument("--keys", type=int, default=10_000, help="specimens drawn to see that none is refused")
-    parts = ("stiffness", "reloading", "account", "drawing", "measurement", "resets")
-    parser.add_argument("--only", nargs="+", choices=parts, default=parts, metavar="PART", help=", ".join(parts))
-    arguments = parser.parse_args(argv)
-    specimens = drawn(arguments.specimens)
-    checks: dict[str, Callable[[], Iterator[Row]]] = {
-        "stiffness": lambda: check_stiffness(specimens),
-        "reloading": lambda: check_reloading(specimens),
-        "account": lambda: check_account(specimens),
-        "drawing": lambda: check_drawing(arguments.keys),
-        "measurement": lambda: check_measurement(arguments.specimens),
-        "resets": check_resets,
-    }
-    began, kept = time.perf_counter(), []
-    print(f"{Row('what', 'found', 'promised')} holds")
-    for part in arguments.only:
-        for row in checks[part]():
-            print(row, flush=True)
-            kept.append(row.holds is not False)
-    print(f"{kept.count(False)} promises not kept; {time.perf_counter() - began:.0f} s")
-    return int(not all(kept))
+    return run(__doc__, CHECKS, argv, specimens=30)
 
 
 if __name__ == "__main__":
