@@ -352,31 +352,23 @@ def plant_digest(plant: Any, seed: int, count: int, third: float = 0.0, beside: 
     return content.digest()
 
 
-def simulated_digests(quick: bool) -> Digests:
-    """Yield digests of straight cuts at their own depth."""
+def plant_digests(made: Callable[[Specimen, int], Any], third: float, beside: str, quick: bool) -> Digests:
+    """Yield digests of cuts by a plant that is made of a specimen and its seed."""
     for seed, specimen, count in specimens(quick):
-        yield f"{seed}", plant_digest(SimulatedPlant(specimen, seed=seed), seed, count)
+        yield f"{seed}", plant_digest(made(specimen, seed), seed, count, third, beside)
 
 
-def descending_digests(quick: bool) -> Digests:
-    """Yield digests of cuts by a blade that moves up and down."""
-    for seed, specimen, count in specimens(quick):
-        plant = DescendingPlant(specimen, seed=seed, level=0.005)
-        yield f"{seed}", plant_digest(plant, seed, count, 0.004, "vertical_force")
-
-
-def steered_digests(quick: bool) -> Digests:
-    """Yield digests of cuts along lines."""
-    for seed, specimen, count in specimens(quick):
-        plant = SteeredPlant(specimen, (arc(0.06), s_shape(0.05))[seed % 2], seed=seed)
-        yield f"{seed}", plant_digest(plant, seed, count, 0.3, "lateral_force")
-
-
-def freehand_digests(quick: bool) -> Digests:
-    """Yield digests of cuts whose model is solved as they open."""
-    for seed, specimen, count in specimens(quick):
-        plant = FreehandPlant(specimen, seed=seed)
-        yield f"{seed}", plant_digest(plant, seed, count, 0.3, "lateral_force")
+PLANTS: dict[str, tuple[Callable[[Specimen, int], Any], float, str]] = {
+    "simulated": (lambda specimen, seed: SimulatedPlant(specimen, seed=seed), 0.0, ""),
+    "descending": (lambda specimen, seed: DescendingPlant(specimen, seed=seed, level=0.005), 0.004, "vertical_force"),
+    "steered": (
+        lambda specimen, seed: SteeredPlant(specimen, (arc(0.06), s_shape(0.05))[seed % 2], seed=seed),
+        0.3,
+        "lateral_force",
+    ),
+    "freehand": (lambda specimen, seed: FreehandPlant(specimen, seed=seed), 0.3, "lateral_force"),
+}
+"""Plants by name, each with the size of the command of its third axis, and the force that is read beside."""
 
 
 def rig_digests(quick: bool) -> Digests:
@@ -489,10 +481,7 @@ GROUPS: dict[str, Callable[[bool], Digests]] = {
     **{f"{name}/{part}": partial(compute, task) for name, task in TASKS.items() for part, compute in _OF_TASK.items()},
     **{f"browser/{name}": partial(browser_digests, name) for name in TASKS},
     "browser/programs": program_digests,
-    "plant/simulated": simulated_digests,
-    "plant/descending": descending_digests,
-    "plant/steered": steered_digests,
-    "plant/freehand": freehand_digests,
+    **{f"plant/{name}": partial(plant_digests, *plant) for name, plant in PLANTS.items()},
     "rig": rig_digests,
     "learner": learner_digests,
     "planner": planner_digests,

@@ -2,7 +2,6 @@
 
     python -m scripts.derivations.reference_set                             prints medians by script
     python -m scripts.derivations.reference_set --write                     also writes assets/reference/baselines.csv
-    python -m scripts.derivations.reference_set --against OLD.csv           prints how each metric changed, cut by cut
     python -m scripts.derivations.reference_set --policy runs/NAME/policy   includes trained policies, too
 
 Every cut is scored from what a rig can measure, with an estimated tip, as a person's cut would be.
@@ -27,20 +26,20 @@ FEEDS = [f"constant {speed} cm/s {angle} deg" for speed in ("0.38", "0.89", "1.6
 FIRST_SEED = 7_000_000  # far from those of training, validation and test
 
 
-def reference(names: list[str], cuts: int, specimen_class: str) -> ReferenceSet:
+def reference(names: list[str], cuts: int) -> ReferenceSet:
     """Score ``cuts`` cuts of every policy."""
     rows = []
     for name in tqdm(names, desc="cutting", unit="policy"):
         chosen = contestant(name)
         label = name if name in BASELINES else f"PPO ({Path(name).parent.name})"
         for cut in batched_rollout(
-            chosen.policy, range(FIRST_SEED, FIRST_SEED + cuts), {"specimen_class": specimen_class, **chosen.arguments},
+            chosen.policy, range(FIRST_SEED, FIRST_SEED + cuts), {"specimen_class": "mixed", **chosen.arguments},
             readings=True,
         ):  # fmt: skip
             trace = recorded_trace(cut.readings, cut.measured_depth, end=cut.end)
             card = score(trace, target_length=cut.scores()["target_length_mm"] / 1e3)
             rows.append((label, {metric: scored.value for metric, scored in card.metrics.items()}))
-    about = f"{len(names)} scripts and agents, {cuts} {specimen_class} specimens each, tip estimated"
+    about = f"{len(names)} scripts and agents, {cuts} mixed specimens each, tip estimated"
     return ReferenceSet.of(rows, name="baselines", about=about, force_unit="N")
 
 
@@ -56,38 +55,16 @@ def medians(found: ReferenceSet) -> str:
     return "\n".join(lines)
 
 
-def changes(before: ReferenceSet, after: ReferenceSet) -> str:
-    """Return by how much every metric differs between two sets of the same cuts, a line for each that does."""
-    if before.groups != after.groups:
-        raise SystemExit("the sets are of other policies or numbers of cuts: there is nothing to compare cut by cut.")
-    lines = [f"{'metric':24s}{'cuts changed':>14s}{'median change':>16s}{'largest':>12s}"]
-    for metric in METRICS:
-        if metric not in before.values or metric not in after.values:
-            continue
-        old, new = before.values[metric], after.values[metric]
-        changed = (old != new) & ~(np.isnan(old) & np.isnan(new))
-        if changed.any():
-            with np.errstate(divide="ignore", invalid="ignore"):
-                share = 100.0 * np.abs(new / old - 1.0)[changed]
-            cells = f"{changed.sum():14d}{np.nanmedian(share):14.3g} %{np.nanmax(share):10.3g} %"
-            lines.append(f"{metric:24s}{cells}")
-    return "\n".join(lines) if len(lines) > 1 else "no metric of any cut changed"
-
-
 def main() -> None:
     """Cut, score and print; write if requested."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cuts", type=int, default=60, help="of every policy")
-    parser.add_argument("--specimen-class", default="mixed")
     parser.add_argument("--policy", action="append", default=[], help="a trained policy; may be repeated")
-    parser.add_argument("--against", type=Path, metavar="FILE", help="print changes from this set of the same cuts")
     parser.add_argument("--write", action="store_true", help=f"write {TARGET.relative_to(ROOT)}")
     arguments = parser.parse_args()
     names = [name for name in (*FEEDS, *SCRIPTS) if name in BASELINES]
-    found = reference([*names, *arguments.policy], arguments.cuts, arguments.specimen_class)
+    found = reference([*names, *arguments.policy], arguments.cuts)
     print(medians(found))
-    if arguments.against is not None:
-        print(changes(ReferenceSet.load(arguments.against), found))
     if arguments.write:
         found.save(TARGET)
         print(f"{len(found)} cuts: {TARGET.relative_to(ROOT)}")

@@ -2,13 +2,10 @@
 """Measure the structure and the language of the code base, and print a Markdown table.
 
     python -m scripts.documentation.measure_codebase               this checkout
-    python -m scripts.documentation.measure_codebase FOLDER        another checkout
     python -m scripts.documentation.measure_codebase --at 7b6279b HEAD
                                                                    revisions of this repository
     python -m scripts.documentation.measure_codebase --at 7b6279b --json FILE
                                                                    keep the numbers
-    python -m scripts.documentation.measure_codebase --compare FILE
-                                                                   kept numbers beside those of now
     python -m scripts.documentation.measure_codebase --list names  what was counted: cycles, docstrings, loaded or names
 
 The kept numbers of earlier revisions are in ``docs/development/measures-before.json``, for clones without history.
@@ -365,24 +362,21 @@ def _counted(root: Path, what: str) -> list[str]:
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", nargs="?", type=Path, default=ROOT, help="a checkout; this one by default")
     parser.add_argument("--at", nargs="+", metavar="REVISION", default=[], help="measure revisions instead")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the numbers as JSON, too")
-    parser.add_argument("--compare", type=Path, metavar="FILE", help="put the numbers of this JSON file before")
     parser.add_argument("--list", choices=["cycles", "docstrings", "loaded", "names"], help="list what was counted")
     arguments = parser.parse_args()
-    folder = arguments.folder.resolve()
     if arguments.list:
-        print(*_counted(folder, arguments.list), sep="\n")
+        print(*_counted(ROOT, arguments.list), sep="\n")
         return
-    columns = {} if arguments.at else {"now": measures(folder)}
+    columns = {} if arguments.at else {"now": measures()}
     for revision in arguments.at:
         with tempfile.TemporaryDirectory() as extracted:
             _extract(revision, Path(extracted))
             columns[revision] = measures(Path(extracted))
     if arguments.json:
         arguments.json.write_text(json.dumps(columns, indent=1) + "\n", encoding="utf-8")
-    print(markdown({**(kept(arguments.compare) if arguments.compare else {}), **columns}))
+    print(markdown(columns))
 
 
 if __name__ == "__main__":

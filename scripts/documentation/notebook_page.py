@@ -1,8 +1,6 @@
 """Run the notebook, and write its page of the documentation: text, code, what was printed, and its figures.
 
     python -m scripts.documentation.notebook_page  writes docs/how-to/notebook.md and assets/pictures/notebook-1.svg
-    python -m scripts.documentation.notebook_page --check
-                                                   fails if the page is not what the notebook prints now
 
 The cells are plain Python, and run without Jupyter, one after the other in one namespace.
 """
@@ -12,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import io
 import json
-import sys
 from typing import Any
 
 import matplotlib
@@ -64,22 +61,13 @@ def run(notebook: dict[str, Any]) -> tuple[str, list[plt.Figure]]:
     return "\n\n".join([title, ABOUT.strip(), first, *parts[1:]]) + "\n", figures
 
 
-def main(argv: list[str]) -> int:
-    """Write the page, or check it; return the exit status."""
+def main() -> None:
+    """Write the page and its figures."""
     page, figures = run(json.loads(NOTEBOOK.read_text(encoding="utf-8")))
-    if "--check" in argv:
-        if page != PAGE.read_text(encoding="utf-8"):
-            print(
-                f"{PAGE} is not what {NOTEBOOK.name} prints: run scripts/documentation/notebook_page.py",
-                file=sys.stderr,
-            )
-            return 1
-        return 0
     PAGE.write_text(page, encoding="utf-8")
     for number, figure in enumerate(figures, 1):
         figure.savefig(PICTURES / f"notebook-{number}.svg", metadata={"Date": None, "Creator": None}, transparent=True)
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    main()

@@ -155,8 +155,8 @@ def test_the_sizes_are_the_printed_ones():
 
 
 def test_a_session_is_read_from_files_and_calibrated():
-    records = calibration.session(livers=2, speeds=(0.0127, 0.0254))
-    assert [record.metadata["specimen"] for record in records] == ["liver 0"] * 4 + ["liver 1"] * 4
+    records = calibration.session(livers=2, speeds=(0.0038, 0.0254))
+    assert [record.metadata["specimen"] for record in records] == ["liver 1"] * 4 + ["liver 2"] * 4
     found = calibration.session_times(records)
     assert (found.cuts, found.readings) == (8, sum(len(record) for record in records))
     assert min(found.reading, found.measuring, found.together) > 0.0

@@ -1,8 +1,6 @@
 """Ladder of knowledge of a task that adds to gentle cutting: what one script earns with more and more of the truth.
 
     python -m scripts.benchmarks.agents.knowledge_ladder depth  500 held-out specimens; writes runs/depth/ladder.csv
-    python -m scripts.benchmarks.agents.knowledge_ladder path --validation
-                                                                on validation specimens, to plan a training
     python -m scripts.benchmarks.agents.knowledge_ladder path --print
                                                                 the table of what is in runs/path
 
@@ -28,7 +26,7 @@ import numpy as np
 
 from cutenv._base.arrays import Array, Array32, Indices
 from cutenv._engine.jit import njit
-from cutenv.agents.learning.seeds import TEST_SEEDS, VALIDATION_SEEDS
+from cutenv.agents.learning.seeds import TEST_SEEDS
 from cutenv.agents.learning.statistics import by_policy
 from cutenv.agents.policy import OneReturnStroke, StopAndUnload
 from cutenv.agents.policy.depth_policies import DepthByTwoForces, FollowDepth
@@ -93,8 +91,7 @@ class KnowledgeLadder:
                 f"| {name} | {mean_text(row['return'] for row in own.values())} "
                 f"| {100.0 * success:.1f} % | {errors} | {-safety:.3f} | {tip:.2f} mm | {gain} |"
             )
-        where = "validation" if min(each[START]) in VALIDATION_SEEDS else "held-out"
-        specimens = f"{len(each[START])} {where} specimens of class mixed"
+        specimens = f"{len(each[START])} held-out specimens of class mixed"
         return "\n".join([*lines, "", f"{specimens}; mean [95 % interval], median tip error."])
 
     def kept_report(self) -> str:
@@ -254,13 +251,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("task", choices=list(LADDERS), help="the task of the script")
     parser.add_argument("--specimens", type=int, default=500, metavar="N", help="number of specimens; default 500")
-    parser.add_argument("--validation", action="store_true", help="cut validation specimens, print, keep nothing")
     parser.add_argument("--print", action="store_true", help="print the kept table without measuring again")
     arguments = parser.parse_args()
     ladder = LADDERS[arguments.task]
-    if arguments.validation:
-        print(ladder.report(ladder.measure(VALIDATION_SEEDS[: arguments.specimens])), flush=True)
-        return
     if not arguments.print:
         keep(ladder.file, ladder.measure(TEST_SEEDS[: arguments.specimens]))
     print(ladder.kept_report(), flush=True)

@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-import itertools
-import math
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from cutenv.records import load_one, save
 from cutenv.records.measurement.calibration import RESAMPLES, measure_cuts, tissue_of
-from cutenv.sim.plant import Leg, SimulatedPlant, run, to_trace
-from cutenv.sim.tissue import CutModel, Specimen
-from cutenv.sim.tissue.tables import table
+from cutenv.sim.tissue import CutModel, measured_liver
 from cutenv.sim.trace import Trace
 from scripts.benchmarks.speed.measured import Measured, Number, at_most
+from scripts.validation.measurement import calibrate_virtual_rig
+from scripts.validation.measurement.calibrate_virtual_rig import SEED, SPEEDS
 
 LIVERS = 6
 """Number of livers; each is cut at seven speeds and two angles: 84 cuts."""
 ALLOWED = 1.0
 """Largest acceptable time of calibrating, in times of reading the files: a user waits for the disk, not for us."""
-_LENGTH = 0.1016  # four inches, and back [m]
-_RETURN_SPEED = 0.0127  # at the least [m/s]
 
 
 class SessionTimes(NamedTuple):
@@ -38,19 +35,9 @@ class SessionTimes(NamedTuple):
     """Time to fit one tissue to the cuts, bootstrap and scales included."""
 
 
-def session(livers: int = LIVERS, speeds: tuple[float, ...] | None = None) -> list[Trace]:
+def session(livers: int = LIVERS, speeds: Sequence[float] = SPEEDS) -> list[Trace]:
     """Simulate records of the thesis's protocol, by default at all of its speeds [m/s]."""
-    chosen = speeds or tuple(float(v) / 100.0 for v in table("5.6")["speed_cm_s"])
-    records = []
-    for n, (liver, angle_deg, speed) in enumerate(itertools.product(range(livers), (90.0, 45.0), chosen)):
-        angle = math.radians(angle_deg)
-        plant = SimulatedPlant(Specimen.drawn(n), seed=0, episode=n, angle=angle)
-        legs = [
-            Leg(position=_LENGTH, speed=speed, angle=angle, dwell=0.2),
-            Leg(position=0.0, speed=max(speed, _RETURN_SPEED), angle=angle, dwell=0.2),
-        ]
-        records.append(to_trace(plant, run(plant, legs), name=f"cut {n}", specimen=f"liver {liver}"))
-    return records
+    return [trace for trace, _ in calibrate_virtual_rig.session(measured_liver(), livers, SEED, speeds)]
 
 
 def session_times(records: list[Trace]) -> SessionTimes:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import cutenv  # noqa: F401  registers the environment
-from scripts.benchmarks.speed.measured import Measured, Number, at_most
+from scripts.benchmarks.speed.measured import Measured, Number, at_most, fastest
 
 ALLOWED_OVER_PENDULUM = 1.0
 """Largest acceptable time of a step, 20 force updates, over a step of Pendulum-v1."""
@@ -35,16 +35,10 @@ def reset_times(resets: int = 100, rounds: int = 5) -> dict[str, float]:
     envs = {name: gymnasium.make(name) for name in _ENVIRONMENTS}
     for env in envs.values():
         env.reset(seed=0)
-    best = dict.fromkeys(envs, np.inf)
-    for _ in range(rounds):
-        for name, env in envs.items():
-            start = time.perf_counter()
-            for _ in range(resets):
-                env.reset()
-            best[name] = min(best[name], time.perf_counter() - start)
+    best = fastest({name: lambda env=env: [env.reset() for _ in range(resets)] for name, env in envs.items()}, rounds)
     for env in envs.values():
         env.close()
-    return {name: float(seconds / resets * 1e6) for name, seconds in best.items()}
+    return {name: seconds / resets * 1e6 for name, seconds in best.items()}
 
 
 def _actions(env: gymnasium.Env[Any, Any], steps: int) -> list[Any]:

@@ -39,6 +39,7 @@ SPEEDS = tuple(float(v) / 100.0 for v in table("5.6")["speed_cm_s"])
 ANGLES_DEG = (90.0, 45.0)
 RETURN_SPEED = 0.0127  # at least [m/s]: the way back shows friction at any speed, so no time is spent on it
 DWELL = 0.2  # at either end [s]
+SEED = 5  # of livers and sensor noise
 
 
 def session(
@@ -112,9 +113,7 @@ def main() -> int:
     """Cut, save, calibrate from the files alone, and compare."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--livers", type=int, default=6, help="each is cut 14 times")
-    parser.add_argument("--seed", type=int, default=5, help="of livers and sensor noise")
     parser.add_argument("--out", type=Path, help="keep records, tissue and card there; default a temporary folder")
-    parser.add_argument("--suffix", default=".parquet", choices=[".csv", ".parquet", ".h5"], help="of the records")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as temporary:
         folder = arguments.out or Path(temporary)
@@ -122,24 +121,18 @@ def main() -> int:
         liver = measured_liver()
 
         print(f"1. {arguments.livers} livers, drawn from pig liver as measured, are cut 14 times each.")
-        cuts = session(liver, arguments.livers, arguments.seed)
+        cuts = session(liver, arguments.livers, SEED)
 
         print(f"2. The records go to {folder}/records; nothing else does.")
         files = []
         for trace, _ in tqdm(cuts, desc="saving", unit="file", leave=False):
-            files.append(folder / "records" / f"{trace.metadata['name'].replace(' ', '_')}{arguments.suffix}")
+            files.append(folder / "records" / f"{trace.metadata['name'].replace(' ', '_')}.parquet")
             save(trace, files[-1])
 
         print("3. cutenv calibrate reads them:\n")
         start = time.perf_counter()
-        outputs = [
-            "--out",
-            str(folder / "tissue.json"),
-            "--report",
-            str(folder / "card.html"),
-            "--name",
-            "virtual liver",
-        ]
+        outputs = ["--out", str(folder / "tissue.json"), "--report", str(folder / "card.html")]
+        outputs += ["--name", "virtual liver"]
         status = cli.main(["calibrate", *map(str, files), *outputs])
         if status:
             return status

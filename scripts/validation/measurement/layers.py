@@ -11,7 +11,6 @@ with noise of both forces; the surface is known to the given error.
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -23,7 +22,7 @@ from cutenv.records.measurement.measured_cut import find_layers
 from cutenv.sim.tissue import CutModel, Layers, Specimen
 from cutenv.sim.tissue.grid import SPACING
 from cutenv.sim.trace import Trace
-from scripts.tables import kept_json, markdown_table
+from scripts.tables import keep_json, kept_json, markdown_table
 from scripts.validation.measurement.stepped_cuts import DEPTHS, stepped_cut
 
 KEPT = Path("runs") / "layers" / "layers.json"
@@ -177,8 +176,7 @@ def main() -> None:
     if arguments.studies < 2:
         parser.error(f"--studies {arguments.studies} is less than 2")
     if not arguments.print:
-        KEPT.parent.mkdir(parents=True, exist_ok=True)
-        KEPT.write_text(json.dumps(measure(arguments.studies)))
+        keep_json(KEPT, measure(arguments.studies))
     print(tables(kept_json(KEPT, "scripts.validation.measurement.layers")))
 
 

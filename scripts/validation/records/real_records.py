@@ -83,12 +83,12 @@ def by_trial(traces: list[Trace]) -> dict[str, list[Trace]]:
     return trials
 
 
-def segments_of(cut: Trace, smallest_drop: float = SMALLEST_DROP) -> list[Segment]:
+def segments_of(cut: Trace) -> list[Segment]:
     """Find the loading segments of the cutting phase; the smallest drop is the same for all cuts, for comparison."""
-    return loading_segments(cut.select(slice(0, CUT_SAMPLES)), smallest_drop=smallest_drop)
+    return loading_segments(cut.select(slice(0, CUT_SAMPLES)), smallest_drop=SMALLEST_DROP)
 
 
-def segment_statistics(cuts: list[Trace], smallest_drop: float = SMALLEST_DROP) -> dict[str, float]:
+def segment_statistics(cuts: list[Trace]) -> dict[str, float]:
     """Compute statistics of the loading segments of one trial's cuts; force is a pure number, its rate per second.
 
     ``drops`` and ``drops_sd`` are mean and standard deviation (population) of their number in a cut, ``drop`` their
@@ -96,7 +96,7 @@ def segment_statistics(cuts: list[Trace], smallest_drop: float = SMALLEST_DROP) 
     that begin the cuts, as the blade is set on; ``rate``, ``rate_low`` and ``rate_high`` median and quartiles of all
     later ones; NaN where there is none.
     """
-    found = [segments_of(cut, smallest_drop) for cut in cuts]
+    found = [segments_of(cut) for cut in cuts]
     numbers = np.array([sum(s.drop > 0.0 for s in segments) for segments in found])
     drops = [s.drop for segments in found for s in segments if s.drop > 0.0]
     first, later = straight_rates(found)
@@ -130,7 +130,7 @@ def table(traces: list[Trace]) -> str:
     return aligned(heads, rows)
 
 
-def segment_table(traces: list[Trace], smallest_drop: float = SMALLEST_DROP) -> str:
+def segment_table(traces: list[Trace]) -> str:
     """Return loading segments as aligned text: a row for each trial, and one for all cuts together."""
     heads = [
         "trial",
@@ -145,7 +145,7 @@ def segment_table(traces: list[Trace], smallest_drop: float = SMALLEST_DROP) -> 
     ]
     rows = []
     for trial, cuts in [*by_trial(traces).items(), ("all", traces)]:
-        found = segment_statistics(cuts, smallest_drop)
+        found = segment_statistics(cuts)
         quartiles = f"{found['rate_low']:.2f} to {found['rate_high']:.2f}"
         numbers = [f"{found[name]:.2f}" for name in ("drops", "drops_sd", "drop", "straight", "first_rate", "rate")]
         rows.append([trial, f"{len(cuts)}", *(number.replace("nan", "-") for number in (*numbers, quartiles))])
@@ -158,19 +158,19 @@ def aligned(heads: list[str], rows: list[list[str]]) -> str:
     return "\n".join("  ".join(f"{cell:>{w}}" for cell, w in zip(row, widths, strict=True)) for row in [heads, *rows])
 
 
-def draw_cuts(traces: list[Trace], path: Path, smallest_drop: float = SMALLEST_DROP) -> None:
+def draw_cuts(traces: list[Trace], path: Path) -> None:
     """Draw force against time of some cuts, with their segments and drops."""
     from scripts.drawings.thesis.style import FORCE, STRAIN, STRESS, named, panels, save
 
     trials = by_trial(traces)
     shown = [trials[name][len(trials[name]) // 2] for name in SHOWN if name in trials]
-    title = f"Loading segments of hand-held cuts, from the force alone (drops of {smallest_drop:g} and more)"
+    title = f"Loading segments of hand-held cuts, from the force alone (drops of {SMALLEST_DROP:g} and more)"
     figure, axes = panels(len(shown) // 2, 2, (11.0, 8.5), title, sharex=True, sharey=True)
     for ax, cut in zip(axes, shown, strict=True):
         end = cut.time[CUT_SAMPLES - 1]
         ax.axvspan(end, cut.time[-1], color="0.93", linewidth=0)
         ax.plot(cut.time, cut.force, color="0.55", linewidth=0.8, label="force as recorded")
-        found = segments_of(cut, smallest_drop)
+        found = segments_of(cut)
         for s in found:
             ends = cut.time[[s.start, s.stop - 1]]
             colour = STRESS if s.drop > 0.0 else STRAIN
@@ -201,16 +201,16 @@ def draw_cuts(traces: list[Trace], path: Path, smallest_drop: float = SMALLEST_D
     save(figure, path)
 
 
-def draw_trials(traces: list[Trace], path: Path, smallest_drop: float = SMALLEST_DROP) -> None:
+def draw_trials(traces: list[Trace], path: Path) -> None:
     """Draw by trial: number of drops in a cut, their sizes, and loading rates."""
     from scripts.drawings.thesis.style import INCLINED, UPRIGHT, named, panels, save
 
     trials = by_trial(traces)
-    title = f"Loading segments of {len(traces)} hand-held cuts by trial (drops of {smallest_drop:g} and more)"
+    title = f"Loading segments of {len(traces)} hand-held cuts by trial (drops of {SMALLEST_DROP:g} and more)"
     figure, axes = panels(3, 1, (9.5, 8.5), title, sharex=True)
     numbers, sizes, rates = axes
     for at, cuts in enumerate(trials.values()):
-        found = [segments_of(cut, smallest_drop) for cut in cuts]
+        found = [segments_of(cut) for cut in cuts]
         counts = [sum(s.drop > 0.0 for s in segments) for segments in found]
         values, times = np.unique(counts, return_counts=True)
         numbers.scatter(np.full(len(values), at), values, s=14 * times, color=UPRIGHT, alpha=0.45, linewidth=0)
@@ -241,7 +241,7 @@ def draw_trials(traces: list[Trace], path: Path, smallest_drop: float = SMALLEST
     save(figure, path)
 
 
-def draw(traces: list[Trace], folder: Path, smallest_drop: float) -> list[Path]:
+def draw(traces: list[Trace], folder: Path) -> list[Path]:
     """Draw both pictures into ``folder``, which is created if missing."""
     from matplotlib import rc_context
 
@@ -251,7 +251,7 @@ def draw(traces: list[Trace], folder: Path, smallest_drop: float) -> list[Path]:
     paths = [folder / "real_cuts.png", folder / "real_trials.png"]
     with rc_context(STYLE):
         for path, drawing in zip(paths, (draw_cuts, draw_trials), strict=True):
-            drawing(traces, path, smallest_drop)
+            drawing(traces, path)
     return paths
 
 
@@ -260,17 +260,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, default=DATA, metavar="FILE", help="scalpel_excision_forces.csv")
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="draw real_cuts.png and real_trials.png there")
-    parser.add_argument(
-        "--smallest-drop",
-        type=float,
-        default=SMALLEST_DROP,
-        metavar="NUMBER",
-        help="smallest significant drop, as a share of the largest force of the data set (default: %(default)s)",
-    )
     arguments = parser.parse_args()
     try:
         traces = read_cuts(arguments.data)
-        of_segments = segment_table(traces, arguments.smallest_drop)
+        of_segments = segment_table(traces)
     except (FileNotFoundError, ValueError) as error:
         print(error, file=sys.stderr)
         return 2
@@ -278,11 +271,11 @@ def main() -> int:
     print(f"{len(traces)} hand-held scalpel cuts at {rate:.1f} Hz, the first {CUT_SAMPLES} samples of each.")
     print('Force is normalised to the largest of the data set (unit "1"); no position was recorded.\n')
     print(table(traces))
-    print(f"\nLoading segments: ramps against time, parted by drops of {arguments.smallest_drop:g} and more.")
+    print(f"\nLoading segments: ramps against time, parted by drops of {SMALLEST_DROP:g} and more.")
     print(f"Rates are those of straight ramps (R squared of {STRAIGHT_RAMP:g} and more).\n")
     print(of_segments)
     if arguments.out is not None:
-        for path in draw(traces, arguments.out, arguments.smallest_drop):
+        for path in draw(traces, arguments.out):
             print(f"picture: {path}")
     print(f"\nSource: {SOURCE}. Licence: {LICENCE}.")
     return 0

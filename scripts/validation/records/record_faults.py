@@ -1,19 +1,17 @@
 """Measure how well ``cutenv check`` names faults: 20 kinds, each put into 50 clean records of simulated cuts.
 
 Without options it prints the table of the page, of the published draw; ``--draw tuning`` that with which the thresholds
-were set.  ``--save FOLDER`` writes the faulty records as files, with what is wrong in their names.
+were set.
 """
 
 from __future__ import annotations
 
 import argparse
-import csv
 import dataclasses
 import itertools
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
 
 import numpy as np
 
@@ -319,32 +317,11 @@ def table(draw: str = "published", each: int = EACH, clean: int = CLEAN) -> str:
     return "\n".join(lines)
 
 
-def save_all(folder: Path, draw: str) -> Iterator[Path]:
-    """Write every faulty record of a draw as CSV, and yield its path."""
-    folder.mkdir(parents=True, exist_ok=True)
-    units = {"time": "time_s", "force": "force_N", "position": "position_m", "speed": "speed_m_s"}
-    for k, name in enumerate(FAULTS):
-        for n in range(EACH):
-            readings = faulty_record(name, DRAWS[draw] + 10_000 * (k + 1) + n)
-            path = folder / f"{name.replace(' ', '_')}_{n:02d}.csv"
-            held = [field for field in units if getattr(readings, field) is not None]
-            with path.open("w", newline="", encoding="utf-8") as file:
-                writer = csv.writer(file)
-                writer.writerow([units[field] for field in held])
-                writer.writerows(zip(*(getattr(readings, field).tolist() for field in held), strict=True))
-            yield path
-
-
 def main() -> None:
-    """Print the table, or write the records."""
+    """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--draw", choices=DRAWS, default="published")
-    parser.add_argument("--save", type=Path, metavar="FOLDER")
-    arguments = parser.parse_args()
-    if arguments.save is None:
-        print(table(arguments.draw))
-    else:
-        print(f"{len(list(save_all(arguments.save, arguments.draw)))} records in {arguments.save}")
+    print(table(parser.parse_args().draw))
 
 
 if __name__ == "__main__":

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import json
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ from cutenv.agents.sim_to_real import Agreement, ComparedCut
 from cutenv.agents.sim_to_real.paired_experiment import cut_once, cut_twins, simulate_cuts
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.sim.tissue.specimen import Specimen
-from scripts.tables import markdown_table
+from scripts.tables import keep_json, markdown_table
 
 POLICY = "constant 1.27 cm/s 90 deg"
 SPECIMENS, DRAWS, RUNS = 20, 4, 10
@@ -101,7 +100,7 @@ def main() -> None:
     arguments = parser.parse_args()
     rows = trials(arguments.runs)
     if arguments.json is not None:
-        arguments.json.write_text(json.dumps({"rows": rows}, indent=1) + "\n", encoding="utf-8")
+        keep_json(arguments.json, {"rows": rows})
     print(table(rows))
 
 

@@ -11,7 +11,6 @@ python -m scripts.update_docs bead-tracking
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from dataclasses import asdict, dataclass, replace
 from functools import cache
@@ -28,7 +27,7 @@ from cutenv.vision.beads import find_beads, track_beads
 from cutenv.vision.fluoroscopy import CArmCalibration, deinterlaced
 from cutenv.vision.projection import project, triangulate
 from scripts import ROOT
-from scripts.tables import markdown_table
+from scripts.tables import keep_json, kept_json, markdown_table
 from scripts.validation.vision.carm_measurement import (
     BEAD_PX,
     SEED,
@@ -306,12 +305,7 @@ def kept(folder: Path) -> Part:
     """Return what the parts have measured; SystemExit with the cure where one is missing."""
     marks, lines = [], []
     for name in PARTS:
-        path = folder / f"{name}.json"
-        if not path.is_file():
-            raise SystemExit(
-                f"{path} is missing; make it by: python -m scripts.validation.vision.bead_tracking --part {name}"
-            )
-        told = json.loads(path.read_text())
+        told = kept_json(folder / f"{name}.json", f"scripts.validation.vision.bead_tracking --part {name}")
         marks += [Mark(**mark) for mark in told["marks"]]
         lines += told["lines"]
     return marks, lines
@@ -344,14 +338,12 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=Path(FOLDER), metavar="FOLDER", help="where the parts are kept")
     parser.add_argument("--seed", type=int, default=SEED, help=f"draws the session; default {SEED}, that of the page")
     arguments = parser.parse_args()
-    arguments.out.mkdir(parents=True, exist_ok=True)
     met = True
     for name in [arguments.part] if arguments.part else PARTS:
         marks, lines = PARTS[name](arguments.seed)
         print(markdown(marks, lines), flush=True)
         met &= all(mark.met for mark in marks)
-        whole = {"marks": [asdict(mark) for mark in marks], "lines": lines}
-        (arguments.out / f"{name}.json").write_text(json.dumps(whole, indent=1))
+        keep_json(arguments.out / f"{name}.json", {"marks": [asdict(mark) for mark in marks], "lines": lines})
     return int(not met)
 
 

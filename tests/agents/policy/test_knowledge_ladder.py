@@ -77,5 +77,5 @@ def test_the_table_has_a_row_for_every_rung_and_compares_it_with_the_script():
     lines = LADDER.report(measured).splitlines()
     assert lines[3].startswith("| true tip along the line | 0.600 [0.600, 0.600] | 100.0 % | 0.25 mm | 1.50 mm | 0.010")
     assert lines[3].endswith("| 2.00 mm | +0.100 [+0.100, +0.100] |")
-    assert lines[-1].startswith("6 validation specimens")
+    assert lines[-1].startswith("6 held-out specimens")
     assert len(lines) == 2 + len(LADDER.rungs) + 2

@@ -162,14 +162,6 @@ def test_a_missing_file_is_exit_code_2_and_the_cure(
     assert "--data" in capsys.readouterr().err
 
 
-@recorded
-def test_a_smallest_drop_of_nothing_is_exit_code_2_and_the_cure(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(monkeypatch, "--smallest-drop", 0) == 2
-    assert "smallest_drop = 0 is outside" in capsys.readouterr().err
-
-
 def test_another_file_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "other.csv"
     path.write_text("# a comment\ntime,force\n0,1\n")
