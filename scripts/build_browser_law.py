@@ -1,9 +1,6 @@
 """Build the laws of the page: WebAssembly from the kernels that Python runs, assets/browser.
 
     python -m scripts.build_browser_law              # build those of all tasks
-    python -m scripts.build_browser_law --check      # build them and compare with those that are kept; 1 if one differs
-    python -m scripts.build_browser_law --out FOLDER # build them elsewhere
-    python -m scripts.build_browser_law --task depth # build one of them
 
 Another Python or Numba may give other instructions for the same arithmetic.
 

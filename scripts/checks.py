@@ -295,18 +295,8 @@ def rig_faults(page: str, kind: str, rig: str) -> Check:
     file = f"runs/{block}.json"
     run = " ".join(("scripts.validation.rig.rig_faults", *filter(None, (kind and f"--{kind}",)), "--json", file))
     promise = f"every fault of {rig} is found out, stops it, and stays stopped"
-    return Check(
-        f"rig: faults of {rig}",
-        promise,
-        run,
-        15,
-        page,
-        block,
-        "scripts.validation.rig.rig_faults:markdown",
-        (),
-        file,
-        True,
-    )
+    prints = "scripts.validation.rig.rig_faults:markdown"
+    return Check(f"rig: faults of {rig}", promise, run, 15, page, block, prints, kept=file, long=True)
 
 
 RIG = (

@@ -6,7 +6,6 @@
                                                                    revisions of this repository
     python -m scripts.documentation.measure_codebase --at 7b6279b --json FILE
                                                                    keep the numbers
-    python -m scripts.documentation.measure_codebase --list names  what was counted: cycles, docstrings, loaded or names
 
 The kept numbers of earlier revisions are in ``docs/development/measures-before.json``, for clones without history.
 """

@@ -1,8 +1,6 @@
 """Cut an ellipse by a free hand with a tremor, on a model that is solved again as it opens; draw it, print its areas.
 
     python -m scripts.drawings.excision FILE  PNG or SVG; elements are drawn displaced by the blade's last force
-    python -m scripts.drawings.excision FILE --hand 3
-                                              another hand
     python -m scripts.drawings.excision FILE --view PAGE
                                               and write a page that shows it in 3-D
 

@@ -1,7 +1,6 @@
 """Baseline table: every baseline on 500 specimens of each class, with the present and the earlier reward of v1.
 
     python -m scripts.benchmarks.agents.baseline_table          a quarter of an hour on 2 cores; writes runs/baselines/
-    python -m scripts.benchmarks.agents.baseline_table --print  prints what is in runs/baselines/
 
 It shows how much there is to learn: the gap between the best script and the planner that knows the truth.
 

@@ -1,8 +1,6 @@
 """Ladder of knowledge of a task that adds to gentle cutting: what one script earns with more and more of the truth.
 
     python -m scripts.benchmarks.agents.knowledge_ladder depth  500 held-out specimens; writes runs/depth/ladder.csv
-    python -m scripts.benchmarks.agents.knowledge_ladder path --print
-                                                                the table of what is in runs/path
 
 Every rung for DepthCut-v1 is the script "follow the depth" with other knowledge.  The steps between the rungs say what
 of the gap to the planner with truth, which is in the table of ``scripts/benchmarks/agents/task_table.py depth``, is the

@@ -1,10 +1,8 @@
 """Ladder of information: what the same script earns with the mean tissue, with what it infers, and with the truth.
 
     python -m scripts.benchmarks.agents.ladder                  1000 held-out specimens, some five minutes on 2 cores
-    python -m scripts.benchmarks.agents.ladder --specimens 200  a quick look
     python -m scripts.benchmarks.agents.ladder --specimen-class liver
                                                                 without tough inclusions; writes runs/ladder/liver.csv
-    python -m scripts.benchmarks.agents.ladder --print          prints what is in runs/ladder/
 
 Every rung is the script "return stroke" with other knowledge, but for probe and creep and the planner that knows the
 tissue (the oracle).  The steps between the rungs say how much of the gap between them is information: stiffness and

@@ -1,10 +1,6 @@
 """Look-ahead over sampled tissues: what the best place to stop is worth that the force so far can tell.
 
     python -m scripts.benchmarks.agents.learned_stop  5000 training and 4000 held-out specimens, some five minutes
-    python -m scripts.benchmarks.agents.learned_stop --specimens 1000 --held-out 500
-                                                      a quick look
-    python -m scripts.benchmarks.agents.learned_stop --print
-                                                      prints what is in runs/ladder/
 
 What a stop earns depends on the tissue ahead, which nobody sees.  But over thousands of tissues drawn like the one at
 hand, the agent's features tell what stopping here and what going on earn on average: optimal stopping by regression

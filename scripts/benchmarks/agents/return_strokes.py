@@ -2,7 +2,6 @@
 
     python -m scripts.benchmarks.agents.return_strokes "return stroke" ppo-free runs/NAME/policy
         writes runs/strokes/strokes.csv
-    python -m scripts.benchmarks.agents.return_strokes --print  the table of what is in there
 
 A return stroke draws the blade back by a millimetre or more, and goes forward again by as much.  The last drawing back,
 which unloads the tissue at the end, is none.

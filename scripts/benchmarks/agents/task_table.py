@@ -1,7 +1,6 @@
 """Table of a task: scripts, planner with truth and agents on the same held-out specimens.
 
     python -m scripts.benchmarks.agents.task_table depth         500 specimens; writes runs/depth/depth.csv
-    python -m scripts.benchmarks.agents.task_table path --print  the table of what is in runs/path
     python -m scripts.benchmarks.agents.task_table path --agents runs/NAME/policy ...
                                                                  2000 specimens; writes runs/path/agents.csv
     python -m scripts.benchmarks.agents.task_table path --agents --print

@@ -2,9 +2,6 @@
 
     python -m scripts.benchmarks.agents.tune_scripts excision       every script, 200 generations; writes runs/excision
     python -m scripts.benchmarks.agents.tune_scripts hand-excision  those with a hand that yields
-    python -m scripts.benchmarks.agents.tune_scripts excision --script NAME --generations 50
-    python -m scripts.benchmarks.agents.tune_scripts excision --print
-                                                                    what was found, as a table
 
 Every number of a script, and of the script along the cut under it, is searched for at once.  A generation draws so many
 variants about a mean, lets all cut the same training specimens, which no other generation cuts, and moves the mean

@@ -2,17 +2,8 @@
 
     python -m scripts.benchmarks.leaderboard.benchmark_agents
         goes on where assets/benchmark/ ends; writes runs/benchmark/
-    python -m scripts.benchmarks.leaderboard.benchmark_agents --plan
-        remaining work, and its duration
-    python -m scripts.benchmarks.leaderboard.benchmark_agents --only PPO "return stroke"
-    python -m scripts.benchmarks.leaderboard.benchmark_agents --runs runs
-        with training runs that are there already: runs/ppo-seed0 ...
     python -m scripts.benchmarks.leaderboard.benchmark_agents --afresh
         everything again, whatever is published
-    python -m scripts.benchmarks.leaderboard.benchmark_agents --quick
-        a test of the whole program in some ten minutes; no result
-    python -m scripts.benchmarks.leaderboard.benchmark_agents --table
-        the table again from the CSV files
     python -m scripts.benchmarks.leaderboard.benchmark_agents --against
         where it differs from the published one beyond both intervals
 

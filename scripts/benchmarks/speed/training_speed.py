@@ -1,8 +1,6 @@
 """Measure how fast PPO trains with the settings of ``cutenv train``, and the share of the environments.
 
     python -m scripts.benchmarks.speed.training_speed  some 30 seconds; prints one line of JSON
-    python -m scripts.benchmarks.speed.training_speed --updates 20
-                                                       for a less variable number
     python -m scripts.benchmarks.speed.training_speed --memory
                                                        agents/ppo_gru.py, and RecurrentPPO of sb3-contrib: two minutes
 

@@ -1,8 +1,6 @@
 """The measurement loop, step by step: cut virtual livers on a virtual rig, and recover their properties from records.
 
     python -m scripts.validation.measurement.calibrate_virtual_rig  84 cuts of six livers, about a minute
-    python -m scripts.validation.measurement.calibrate_virtual_rig --livers 2 --out runs/rig
-        fewer, into a folder that is kept
 
 The protocol is the thesis's (sections 3.1, 5.1 and 6.2): seven speeds from 0.1 to 2.54 cm/s, 90 and 45 degrees, several
 livers, every cut 4 inches forward and back again, force from a sensor with noise, delay and a resolution of 0.05 N.

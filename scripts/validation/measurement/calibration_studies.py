@@ -1,7 +1,6 @@
 """Calibration repeated: studies of three virtual livers each, and how often the 95 % intervals hold what was put in.
 
     python -m scripts.validation.measurement.calibration_studies                 ten studies of 42 cuts, four minutes
-    python -m scripts.validation.measurement.calibration_studies --studies 5 --seed 400
 
 Each study is one of ``calibrate_virtual_rig.py``. Its records are calibrated as they are, then every tenth reading of
 them with white noise added, then with a depth that is known as the environment's lab knows it.

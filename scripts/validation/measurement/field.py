@@ -1,7 +1,6 @@
 """Measure how well beads and force give back what was put in; print the marks, and what the thesis says of them.
 
     python -m scripts.validation.measurement.field            everything, some minutes
-    python -m scripts.validation.measurement.field --quick    one slice, a coarser mesh
 
 Cuts are simulated; a finer mesh than that of the measurement, driven by the force, moves 98 beads as in the thesis (7 x
 14, about 1 cm apart), each located to 0.1 mm along every axis, 29.97 times a second

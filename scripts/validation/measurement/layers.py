@@ -1,8 +1,6 @@
 """Recover what was put into virtual cuts with depth: fracture resistance by area, and layers with their intervals.
 
     python -m scripts.validation.measurement.layers                     some minutes; writes runs/layers/layers.json
-    python -m scripts.validation.measurement.layers --studies 10        a quick look
-    python -m scripts.validation.measurement.layers --print             the tables of what is in runs/layers
 
 A study is some cuts in steps of depth (scripts/validation/measurement/stepped_cuts.py), each of another drawn liver,
 with noise of both forces; the surface is known to the given error.

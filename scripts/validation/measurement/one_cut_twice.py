@@ -1,8 +1,6 @@
 """Render one cut, film and X-ray it, and measure the modulus of its tissue twice: by force and by image.
 
     python -m scripts.validation.measurement.one_cut_twice  some minutes on two cores; ends with the page twice.html
-    python -m scripts.validation.measurement.one_cut_twice --seed 2
-                                                            another tissue, other cameras
 
 The simulator cuts a slice whose modulus is drawn. Two cameras film the blade, and two C-arms the beads in the slice,
 which bricks of finite elements move under the force of the blade. From film, X-ray videos and record alone follow the

@@ -1,7 +1,6 @@
 """Recovery of known properties from records: errors of R, LEM, friction and eta under realistic conditions.
 
     python -m scripts.validation.measurement.recovery  30 livers per length of cut, about two minutes
-    python -m scripts.validation.measurement.recovery --specimens 60 --lengths-cm 3 11
 
 Livers are sampled, cut on the virtual rig at the thesis's seven speeds and both angles, and measured by a sensor with
 noise, delay and a resolution of 0.05 N. Each record is then evaluated under several conditions: with the exact depth,

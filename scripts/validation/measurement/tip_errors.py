@@ -1,7 +1,6 @@
 """Errors of the estimated tip at the end of cuts: by a rig while it cuts, and by the score of the record.
 
     python -m scripts.validation.measurement.tip_errors                      200 held-out specimens, some two minutes
-    python -m scripts.validation.measurement.tip_errors --specimens 50       a quick look
 
 Scripts cut mixed specimens; the record holds what a rig measures, with noise, delay, and a depth known to 0.5 mm.  The
 tip is estimated up to the deepest point, and from the whole record: every script draws back at the end, until the

@@ -1,8 +1,6 @@
 """The force-only score beside four experts' ratings of fifteen real excisions: evidence, by which nothing is chosen.
 
     python -m scripts.validation.records.expert_ratings  reads ../shared/data beside the repository
-    python -m scripts.validation.records.expert_ratings --data FOLDER
-        reads other copies of scalpel_excision_forces.csv and _ratings.csv
 
 A trial has some twelve cuts and one rating by each expert, 0 to 3. Its score is the mean over its cuts. Fifteen trials
 are too few to choose a weight, a metric or a reference by, and none was.

@@ -1,8 +1,6 @@
 """Force statistics and loading segments of 207 real hand-held scalpel cuts.
 
     python -m scripts.validation.records.real_records  reads ../shared/data beside the repository
-    python -m scripts.validation.records.real_records --data FILE
-                                                       reads another copy of the file
     python -m scripts.validation.records.real_records --out FOLDER
                                                        also draws the segments of some cuts, and a summary by trial
 
@@ -27,6 +25,7 @@ from cutenv.records.measurement import Segment, loading_segments
 from cutenv.records.measurement.segments import STRAIGHT_RAMP
 from cutenv.sim.trace import Trace
 from scripts import ROOT
+from scripts.tables import aligned
 
 DATA = ROOT.parent / "shared" / "data" / "scalpel_excision_forces.csv"
 CUT_SAMPLES = 120
@@ -127,7 +126,7 @@ def table(traces: list[Trace]) -> str:
     for trial, cuts in [*by_trial(traces).items(), ("all", traces)]:
         n, *numbers = force_statistics(cuts).values()
         rows.append([trial, f"{n:.0f}", *(f"{number:.3f}" for number in numbers)])
-    return aligned(heads, rows)
+    return "\n".join(aligned(heads, rows, right=True))
 
 
 def segment_table(traces: list[Trace]) -> str:
@@ -149,13 +148,7 @@ def segment_table(traces: list[Trace]) -> str:
         quartiles = f"{found['rate_low']:.2f} to {found['rate_high']:.2f}"
         numbers = [f"{found[name]:.2f}" for name in ("drops", "drops_sd", "drop", "straight", "first_rate", "rate")]
         rows.append([trial, f"{len(cuts)}", *(number.replace("nan", "-") for number in (*numbers, quartiles))])
-    return aligned(heads, rows)
-
-
-def aligned(heads: list[str], rows: list[list[str]]) -> str:
-    """Return right-aligned columns under their heads."""
-    widths = [max(6, *(len(row[i]) for row in [heads, *rows])) for i in range(len(heads))]
-    return "\n".join("  ".join(f"{cell:>{w}}" for cell, w in zip(row, widths, strict=True)) for row in [heads, *rows])
+    return "\n".join(aligned(heads, rows, right=True))
 
 
 def draw_cuts(traces: list[Trace], path: Path) -> None:

@@ -1,15 +1,14 @@
-"""Read damaged, flawed and foreign records, and print how that ends.
+"""Read damaged and foreign records, and print how that ends.
 
-    python -m scripts.validation.records.record_trials  20,000 damaged files, 100 of each flaw, 1000 valid records
-    python -m scripts.validation.records.record_trials --files 500 --flawed 10 --valid 50
+    python -m scripts.validation.records.record_trials  20,000 damaged files, 1000 valid records
     python -m scripts.validation.records.record_trials --first 1234 --files 1 --keep FOLDER
         one damaged file, kept to look at
 
 Damaged files, native and foreign, must load or end in a clear error. A file that loads to other numbers than were
 written to it has a digit changed in a way that cannot be detected. What must not happen is any error but RecordError, a
-crash of the process or a loading that does not end. Of flaws put into records, the share that is found is printed; of
-valid records in the dialects of other programs, the share that is accepted, false alarms, and the errors of tare and
-start of the cuts. Exit status 1 if a file ends otherwise, or fewer than 95 % of the valid records are accepted.
+crash of the process or a loading that does not end. Of valid records in the dialects of other programs, the share that
+is accepted is printed, false alarms, and the errors of tare and start of the cuts. Exit status 1 if a file ends
+otherwise, or fewer than 95 % of the valid records are accepted.
 """
 
 from __future__ import annotations
@@ -32,9 +31,8 @@ import numpy as np
 
 from cutenv._engine.parallel import cores
 from cutenv.records import ColumnMap, RecordError, load, load_foreign, save
-from cutenv.records.measurement import quality_issues
 from cutenv.sim.trace import Trace
-from scripts.validation.records.virtual_records import DIALECTS, FLAWS, one_cut, valid_record
+from scripts.validation.records.virtual_records import DIALECTS, FLAWS, valid_record
 
 CLEAR = ("refused", "loaded as it was", "loaded otherwise")
 _DEADLINE = 30.0  # [s] for a process to start, and for each file
@@ -328,23 +326,6 @@ def accidents(numbers: range) -> bool:
     return not unclear
 
 
-def detection(n: int) -> None:
-    """Put each flaw into ``n`` cuts, with all fields known and with the force only; print how many are found."""
-    print("injected flaw: found with all fields, with force only (of these at its rows)")
-    for kind, inject in FLAWS.items():
-        shares = []
-        for only_force in (False, True):
-            found = placed = 0
-            for seed in range(n):
-                whole, (first, last) = inject(one_cut(seed), np.random.default_rng(seed))
-                trace = Trace(time=whole.time, force=whole.force) if only_force else whole
-                here = [flaw for flaw in quality_issues(trace) if flaw.kind == kind]
-                found += bool(here)
-                placed += any(flaw.rows[0] <= last and flaw.rows[1] >= first for flaw in here)
-            shares.append(f"{found / n:6.0%} ({placed}/{found})")
-        print(f"  {kind:10s} {'  '.join(shares)}")
-
-
 def acceptance(n: int, folder: Path) -> bool:
     """Read ``n`` valid records in the dialects of other programs and print; return whether 95 % are accepted."""
     accepted, n_cuts, dialects = 0, 0, list(DIALECTS.values())
@@ -392,7 +373,6 @@ def main() -> int:
     parser.add_argument("--files", type=int, default=20_000, metavar="N", help="damaged files; default 20000")
     parser.add_argument("--first", type=int, default=0, metavar="N", help="number of the first of these; default 0")
     parser.add_argument("--keep", type=Path, metavar="FOLDER", help="write these there, and do nothing else")
-    parser.add_argument("--flawed", type=int, default=100, metavar="N", help="cuts with each flaw; default 100")
     parser.add_argument("--valid", type=int, default=1000, metavar="N", help="valid records; default 1000")
     arguments = parser.parse_args()
     numbers = range(arguments.first, arguments.first + arguments.files)
@@ -403,8 +383,6 @@ def main() -> int:
             (arguments.keep / f"{number}_{kind.replace(' ', '_')}{suffix}").write_bytes(content)
         return 0
     clear = accidents(numbers) if arguments.files else True
-    if arguments.flawed:
-        detection(arguments.flawed)
     with tempfile.TemporaryDirectory() as folder:
         enough = acceptance(arguments.valid, Path(folder)) if arguments.valid else True
     return 0 if clear and enough else 1

@@ -1,7 +1,6 @@
 """The 207 real hand-held scalpel cuts, scored as a study: means, spread between cuts, reliability of every metric.
 
     python -m scripts.validation.records.score_real_records                reads ../shared/data beside the repository
-    python -m scripts.validation.records.score_real_records --data FILE    reads another copy of the file
     python -m scripts.validation.records.score_real_records --out FOLDER   also writes the page, and every card as CSV
 
 A record holds force only, normalised to the largest of the data set (unit "1"), at 30 Hz; the first 120 of its 180

@@ -1,8 +1,6 @@
 """Attacks on a rig over sockets, processes, clocks, load and memory: each a small function, run on an emulated rig.
 
     python -m scripts.validation.rig.rig_attacks                               each once, some minutes
-    python -m scripts.validation.rig.rig_attacks --only foreign_sync --times 5
-    python -m scripts.validation.rig.rig_attacks --list
     python -m scripts.validation.rig.rig_attacks --json runs/rig-attacks.json
         added to what the file has; scripts/update_docs.py
 

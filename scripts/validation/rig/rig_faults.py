@@ -1,7 +1,6 @@
 """All faults of a rig, many times each, in real time on an emulated one in a separate process.
 
     python -m scripts.validation.rig.rig_faults           10 trials of each fault, about a quarter of an hour
-    python -m scripts.validation.rig.rig_faults --only kill_9 --trials 3
     python -m scripts.validation.rig.rig_faults --height  faults of a height axis, with the blade in air
     python -m scripts.validation.rig.rig_faults --side    faults of an axis to the side, with the blade in air
     python -m scripts.validation.rig.rig_faults --serial  faults of a serial rig: board, stepper, load cell
@@ -38,7 +37,7 @@ from tqdm import tqdm
 from cutenv.rig.config.settings import EMULATOR
 from cutenv.rig.errors import RigError
 from cutenv.rig.imitated.emulator.process import RunningEmulator, start
-from scripts.tables import keep_json
+from scripts.tables import aligned, keep_json, markdown_table
 from scripts.validation.rig.busy_host import TooBusy, look
 from scripts.validation.rig.cross_trials import CrossingRig, cross_trial
 from scripts.validation.rig.cutting_rig import CuttingRig
@@ -200,19 +199,9 @@ def left_off(file: Path, seed: int) -> tuple[list[Trial], Counter[str]]:
     return [Trial(**each) for each in kept["trials"]], Counter(kept["before"])
 
 
-def text(lines: Sequence[tuple[str, ...]]) -> str:
-    """Return the table as aligned text."""
-    widths = [max(map(len, column)) for column in zip(HEADER, *lines, strict=True)]
-    return "\n".join(
-        "  ".join(cell.ljust(width) for cell, width in zip(cells, widths, strict=True)).rstrip()
-        for cells in (HEADER, *lines)
-    )
-
-
 def markdown(kept: dict[str, Any]) -> str:
     """Return the table for the documentation."""
-    lines = [HEADER, tuple("---" for _ in HEADER), *rows(kept)]
-    table = "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
+    table = markdown_table(HEADER, rows(kept))
     again = sum(kept["before"].values())
     made = f"{len(kept['trials'])} trials, {again} more made again: the host had stopped them before, or spoiled them."
     if "bus_gap" not in {each["fault"] for each in kept["trials"]}:
@@ -242,7 +231,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     add("--seed", type=int, default=0, help="of specimens and instants; default 0")
     add("--json", type=Path, metavar="FILE", help=f"keep every trial there; the documentation is made from "
         f"{', '.join(map(str, DEFAULTS.values()))}")  # fmt: skip
-    add("--markdown", action="store_true", help="print the table as Markdown")
     add("--anew", action="store_true", help="begin from the first trial, though a run was broken off")
     arguments = parser.parse_args(argv)
     known, part = KNOWN[arguments.kind], DEFAULTS[arguments.kind].with_suffix(PART)
@@ -274,7 +262,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         for number, each in enumerate(_of(fault, trials))
         for why in each.wrong()
     ]
-    print(markdown(kept) if arguments.markdown else text(rows(kept)))
+    print("\n".join(aligned(HEADER, rows(kept))))
     print(f"\nmedian, greatest; {len(trials)} trials, {len(wrong)} not as promised")
     print("\n".join(wrong))
     return 1 if wrong else 0

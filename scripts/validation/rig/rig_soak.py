@@ -1,7 +1,6 @@
 """Soak test: cut after cut on an emulated rig for minutes, and the timing of its clock.
 
     python -m scripts.validation.rig.rig_soak                             5 minutes of cutting, in some ten
-    python -m scripts.validation.rig.rig_soak --minutes 60                an hour
     python -m scripts.validation.rig.rig_soak --json runs/rig-soak.json   for scripts/update_docs.py rig-soak
 
 Decisions at 50 Hz by a slow feed that ends where it estimates the tip at the target, force at 1 kHz, SYNC every 5 ms,

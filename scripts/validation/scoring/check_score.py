@@ -3,16 +3,12 @@
     python -m scripts.validation.scoring.check_score  500 specimens of each class, some fifteen minutes
     python -m scripts.validation.scoring.check_score --hand
                                                       simulated people as well, who hold it by a spring; half an hour
-    python -m scripts.validation.scoring.check_score --specimens 50
-                                                      a quick look
     python -m scripts.validation.scoring.check_score --task depth --specimens 60
                                                       cuts along a wanted depth; some ten minutes
     python -m scripts.validation.scoring.check_score --task path --specimens 60
                                                       cuts along a drawn line; likewise
     python -m scripts.validation.scoring.check_score --doubts
                                                       how often records are doubted by their motion; some two minutes
-    python -m scripts.validation.scoring.check_score --print
-                                                      prints what is in runs/check-score/
 
 A class that was measured is kept: a run that was broken off goes on with the next.
 

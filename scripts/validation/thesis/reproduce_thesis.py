@@ -1,11 +1,6 @@
 """Print the thesis's numbers and ours, misses included, and draw its figures.
 
     python -m scripts.validation.thesis.reproduce_thesis          everything, some minutes; figures into figures/
-    python -m scripts.validation.thesis.reproduce_thesis --quick  fewer speeds, specimens and policies
-    python -m scripts.validation.thesis.reproduce_thesis --only plane-strain
-                                                                  one comparison or figure, by its short name
-    python -m scripts.validation.thesis.reproduce_thesis --markdown FILE
-                                                                  the summary as a Markdown table, for the documentation
 
 scripts/derivations/specimens.py prints how well sampled livers reproduce the measured spread.
 """
@@ -21,17 +16,16 @@ from tqdm import tqdm
 
 from scripts import ROOT
 from scripts.drawings.thesis import FIGURES, NOT_DRAWN, draw
+from scripts.tables import aligned
 from scripts.validation.thesis import COMPARISONS, Comparison
 
 MARKS = {True: "ok", False: "MISS", None: "--"}
 
 
-def aligned(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return text columns under ``header``, two spaces apart."""
-    widths = [max(len(row[i]) for row in [header, *rows]) for i in range(len(header))]
-    lines = ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)) for row in [header, *rows]]
-    lines.insert(1, "  ".join("-" * w for w in widths))
-    return "\n".join(line.rstrip() for line in lines)
+def underlined(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return text columns under ``header``, with a line below it."""
+    line = ["-" * max(map(len, column)) for column in zip(header, *rows, strict=True)]
+    return "\n".join(aligned(header, [line, *rows]))
 
 
 def text_of(name: str, comparison: Comparison) -> str:
@@ -39,13 +33,13 @@ def text_of(name: str, comparison: Comparison) -> str:
     rows = [(MARKS[row.agrees], row.what, row.reference, row.ours, row.tolerance) for row in comparison.rows]
     title = f"{name}: {comparison.title} [{comparison.source}]  {comparison.verdict}"
     notes = "".join(f"\n     note: {note}" for note in comparison.notes)
-    return f"\n{title}\n{aligned(('', 'what', 'reference', 'ours', 'tolerance'), rows)}{notes}"
+    return f"\n{title}\n{underlined(('', 'what', 'reference', 'ours', 'tolerance'), rows)}{notes}"
 
 
 def summary_of(done: dict[str, Comparison]) -> str:
     """Return one line per comparison, then the misses by name and their number."""
     rows = [(name, c.title, c.source, c.ours, c.tolerance, c.verdict) for name, c in done.items()]
-    text = aligned(("name", "what", "reference", "ours", "tolerance", "verdict"), rows)
+    text = underlined(("name", "what", "reference", "ours", "tolerance", "verdict"), rows)
     misses = [
         f"  MISS  {name}: {row.what}: {row.ours} for {row.reference}" for name, c in done.items() for row in c.misses
     ]

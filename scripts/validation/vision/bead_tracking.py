@@ -1,10 +1,6 @@
 """Measure how well C-arm images are corrected and beads followed, on rendered X-ray sessions; docs/validation/beads.md.
 
 python -m scripts.validation.vision.bead_tracking  all parts, one after the other: a quarter of an hour
-python -m scripts.validation.vision.bead_tracking --part images
-                                                   one part; each is kept in runs/bead_tracking as it is done
-python -m scripts.validation.vision.bead_tracking --part slow --seed 2 --out runs/bead_tracking_2
-                                                   another session
 python -m scripts.update_docs bead-tracking
 """
 

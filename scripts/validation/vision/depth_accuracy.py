@@ -1,7 +1,6 @@
 """Accuracy of the depth of cut from video, on rendered films of cuts whose depth is known.
 
     python -m scripts.validation.vision.depth_accuracy            2 films at 90 and at 45 degrees; some ten minutes
-    python -m scripts.validation.vision.depth_accuracy --films 1  a quick look
 
 Each film has cameras, lenses, light, tissue and noise (2 to 10 grey values) of its own, 5 % of its frames are spoilt,
 and it is written and read as H.264. Half of the films show a depth from 1 to 20 mm; the others show livers cut 11 cm
