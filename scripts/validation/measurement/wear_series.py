@@ -11,12 +11,13 @@ one material ("uniform") they do not.  A cut whose tip stays behind in its first
 from __future__ import annotations
 
 import argparse
+import itertools
 import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from tqdm import tqdm
 
 from cutenv.envs.constants import Knowledge
 from cutenv.records.measurement import estimate_fracture_resistance, fit_wear
@@ -70,13 +71,11 @@ def row(specimen_class: str, wear: float, count: int) -> dict[str, Any]:
     }
 
 
-def table(rows: Sequence[dict[str, Any]]) -> list[str]:
-    """Return the rows as a table in Markdown."""
-    lines = [
-        "| specimens | cuts | put in [1/m] | found [1/m] | 95 % interval [1/m] | interval holds it | wear seen |",
-        "| --- | ---: | ---: | ---: | ---: | ---: | ---: |",
-    ]
-    for each in rows:
+def table(kept: dict[str, Any]) -> str:
+    """Return the rows as a table of Markdown."""
+    head = ("specimens", "cuts", "put in [1/m]", "found [1/m]", "95 % interval [1/m]", "interval holds it", "wear seen")
+    lines = [f"| {' | '.join(head)} |", "| --- | ---: | ---: | ---: | ---: | ---: | ---: |"]
+    for each in kept["rows"]:
         found, low, high = (round(each[f"{name}_per_m"], 2) + 0.0 for name in ("found", "low", "high"))
         cells = [
             each["specimens"], f"{each['cuts']}", f"{each['put_in_per_m']:g}", f"{found:.2f}",
@@ -84,12 +83,7 @@ def table(rows: Sequence[dict[str, Any]]) -> list[str]:
             f"{each['held']} of {each['series']}", f"{each['seen']} of {each['series']}",
         ]  # fmt: skip
         lines.append(f"| {' | '.join(cells)} |")
-    return lines
-
-
-def kept_table(kept: dict[str, Any]) -> str:
-    """Return the table of rows that were kept."""
-    return "\n".join(table(kept["rows"]))
+    return "\n".join(lines)
 
 
 def main() -> None:
@@ -100,14 +94,11 @@ def main() -> None:
     arguments = parser.parse_args()
     if arguments.series < 1:
         parser.error(f"--series {arguments.series}: give 1 or more.")
-    rows = []
-    for specimen_class in CUTS:
-        for wear in WEARS:
-            rows.append(row(specimen_class, wear, arguments.series))
-            print(table(rows[-1:])[-1], flush=True)
-    print("\n".join(table(rows)))
+    pairs = tqdm(list(itertools.product(CUTS, WEARS)), desc="wear", unit="row")
+    found = {"rows": [row(specimen_class, wear, arguments.series) for specimen_class, wear in pairs]}
+    print(table(found))
     if arguments.json is not None:
-        keep_json(arguments.json, {"rows": rows})
+        keep_json(arguments.json, found)
 
 
 if __name__ == "__main__":

@@ -81,15 +81,10 @@ def _counted(answers: list[str]) -> dict[str, int]:
     return {answer: counts[answer] for answer in ("agree", "undecided", "differ")}
 
 
-def table(rows: list[dict[str, Any]]) -> str:
+def table(kept: dict[str, Any]) -> str:
     """Return the rows as a table of Markdown."""
     header = ["specimens", "force times", "where", "agree", "undecided", "differ"]
-    return markdown_table(header, [[str(row[name]) for name in header] for row in rows])
-
-
-def kept_table(kept: dict[str, Any]) -> str:
-    """Return the table of rows that were kept."""
-    return table(kept["rows"])
+    return markdown_table(header, [[str(row[name]) for name in header] for row in kept["rows"]])
 
 
 def main() -> None:
@@ -98,10 +93,10 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=RUNS, metavar="N", help=f"runs of each row; default {RUNS}")
     parser.add_argument("--json", type=Path, metavar="FILE", help="file for the counts")
     arguments = parser.parse_args()
-    rows = trials(arguments.runs)
+    found = {"rows": trials(arguments.runs)}
     if arguments.json is not None:
-        keep_json(arguments.json, {"rows": rows})
-    print(table(rows))
+        keep_json(arguments.json, found)
+    print(table(found))
 
 
 if __name__ == "__main__":

@@ -297,16 +297,6 @@ PARTS = {"images": images_part, "rest": rest_part, "slow": slow_part, "fast": fa
 """Parts of the measurement, in the order of the page."""
 
 
-def kept(folder: Path) -> Part:
-    """Return what the parts have measured; SystemExit with the cure where one is missing."""
-    marks, lines = [], []
-    for name in PARTS:
-        told = kept_json(folder / f"{name}.json", f"scripts.validation.vision.bead_tracking --part {name}")
-        marks += [Mark(**mark) for mark in told["marks"]]
-        lines += told["lines"]
-    return marks, lines
-
-
 def markdown(marks: list[Mark], lines: list[str]) -> str:
     """Return the table of marks, misses shown, and the other numbers."""
     rows = [
@@ -323,8 +313,14 @@ def markdown(marks: list[Mark], lines: list[str]) -> str:
 
 
 def kept_markdown() -> str:
-    """Return the table of all parts, of an earlier measurement."""
-    return markdown(*kept(ROOT / FOLDER))
+    """Return the table of all parts, of an earlier measurement; SystemExit with the cure where one is missing."""
+    marks, lines = [], []
+    for name in PARTS:
+        command = f"scripts.validation.vision.bead_tracking --part {name}"
+        told = kept_json(ROOT / FOLDER / f"{name}.json", command)
+        marks += [Mark(**mark) for mark in told["marks"]]
+        lines += told["lines"]
+    return markdown(marks, lines)
 
 
 def main() -> int:
