@@ -158,8 +158,6 @@ THESIS = (
 """The thesis beside the model, and programs that derive its constants."""
 
 PHYSICS = (
-    Check("physics: straight", "stiffness, reloading, energy and sampling on sampled specimens",
-          "scripts.validation.physics.straight", 1, long=True),
     Check("physics: up and down",
           "energy, limit cases, and layers against bricks, where the blade also moves up and down",
           "scripts.validation.physics.descent", 5, "docs/validation/descent.md", "descent",

@@ -1,7 +1,6 @@
 """Motions that no drive makes: a blade that jitters, leaps, flips or pumps, to test the energy account.
 
-Not a program: ``scripts/validation/physics/straight.py`` and ``tests/sim/properties/test_energy.py`` move a blade along
-them.
+Not a program: the checks of the laws beside it and ``tests/sim/properties/test_energy.py`` move a blade along them.
 """
 
 from __future__ import annotations

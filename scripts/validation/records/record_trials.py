@@ -1,14 +1,12 @@
-"""Read damaged and foreign records, and print how that ends.
+"""Read damaged records, native and foreign, and print how that ends.
 
-    python -m scripts.validation.records.record_trials  20,000 damaged files, 1000 valid records
+    python -m scripts.validation.records.record_trials  20,000 damaged files
     python -m scripts.validation.records.record_trials --first 1234 --files 1 --keep FOLDER
         one damaged file, kept to look at
 
-Damaged files, native and foreign, must load or end in a clear error. A file that loads to other numbers than were
-written to it has a digit changed in a way that cannot be detected. What must not happen is any error but RecordError, a
-crash of the process or a loading that does not end. Of valid records in the dialects of other programs, the share that
-is accepted is printed, false alarms, and the errors of tare and start of the cuts. Exit status 1 if a file ends
-otherwise, or fewer than 95 % of the valid records are accepted.
+Damaged files must load or end in a clear error. A file that loads to other numbers than were written to it has a digit
+changed in a way that cannot be detected. What must not happen is any error but RecordError, a crash of the process or a
+loading that does not end. Exit status 1 if a file ends otherwise.
 """
 
 from __future__ import annotations
@@ -32,11 +30,10 @@ import numpy as np
 from cutenv._engine.parallel import cores
 from cutenv.records import ColumnMap, RecordError, load, load_foreign, save
 from cutenv.sim.trace import Trace
-from scripts.validation.records.virtual_records import DIALECTS, FLAWS, valid_record
+from scripts.validation.records.virtual_records import DIALECTS
 
 CLEAR = ("refused", "loaded as it was", "loaded otherwise")
 _DEADLINE = 30.0  # [s] for a process to start, and for each file
-_ENOUGH = 0.95  # share of valid records that must be accepted
 
 _NO_READINGS = (
     b"nan", b"inf", b"-inf", b"", b" ", b"x", b"1e400", b"-1e300", b"1_0", b"0x1p3", b'"1.0"', b"1.5 N", b"\xc2\xb2",
@@ -326,54 +323,12 @@ def accidents(numbers: range) -> bool:
     return not unclear
 
 
-def acceptance(n: int, folder: Path) -> bool:
-    """Read ``n`` valid records in the dialects of other programs and print; return whether 95 % are accepted."""
-    accepted, n_cuts, dialects = 0, 0, list(DIALECTS.values())
-    refused, alarms, counts, errors = Counter[str](), Counter[str](), Counter[str](), Counter[str]()
-    offsets: list[float] = []
-    starts: dict[str, list[float]] = {"with position": [], "force only": []}
-    for seed in range(n):
-        record, dialect = valid_record(seed), dialects[seed % len(dialects)]
-        path = folder / "record.csv"
-        path.write_bytes(dialect.write(record.trace))
-        try:
-            imported = load_foreign(path, dialect.mapping(record.trace))
-        except RecordError as error:
-            errors[error.reason[:100]] += 1
-            continue
-        refusing = {flaw.kind for found in imported.flaws for flaw in found if flaw.refuse}
-        alarms.update({flaw.kind for found in imported.flaws for flaw in found})
-        refused.update(refusing)
-        accepted += not refusing
-        tares = [tared.metadata.get("tare_N") for tared in imported.tared]
-        counts["without tare"] += tares.count(None)
-        offsets += [abs(next(iter(tare.values())) - record.offset) for tare in tares if tare is not None]
-        n_cuts += len(record.starts)
-        found = np.array([trace.time[0] for trace in imported.traces])
-        counts["all cuts found" if len(found) == len(record.starts) else "another number of cuts"] += 1
-        if len(found) == len(record.starts):
-            known = "force only" if record.trace.position is None else "with position"
-            starts[known] += np.abs(found - record.starts).tolist()
-    print(f"{n} valid records with mild noise, {n_cuts} cuts: {accepted} accepted ({accepted / n:.1%}).")
-    print(f"false alarms: {', '.join(f'{kind} {alarms[kind] / n:.2%}' for kind in FLAWS)}")
-    print(f"  of these refused: {dict(refused) or 'none'}; not read: {dict(errors) or 'none'}")
-    print(f"records in which {', '.join(f'{what}: {count}' for what, count in counts.items() if count)}")
-    print(f"tare off by {1e3 * np.median(offsets):.1f} mN (median), {1e3 * np.max(offsets):.1f} mN at the most")
-    for known, off in starts.items():
-        if off:
-            median, most = 1e3 * np.median(off), 1e3 * np.percentile(off, 95)
-            print(f"start of {len(off)} cuts, {known}: off by {median:.0f} ms (median), {most:.0f} ms (95 %), ", end="")
-            print(f"{1e3 * np.max(off):.0f} ms at the most")
-    return accepted >= _ENOUGH * n
-
-
 def main() -> int:
-    """Print; return 1 if a damaged file ends in anything but a clear error, or too few valid records are accepted."""
+    """Print; return 1 if a damaged file ends in anything but a clear error."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--files", type=int, default=20_000, metavar="N", help="damaged files; default 20000")
     parser.add_argument("--first", type=int, default=0, metavar="N", help="number of the first of these; default 0")
     parser.add_argument("--keep", type=Path, metavar="FOLDER", help="write these there, and do nothing else")
-    parser.add_argument("--valid", type=int, default=1000, metavar="N", help="valid records; default 1000")
     arguments = parser.parse_args()
     numbers = range(arguments.first, arguments.first + arguments.files)
     if arguments.keep:
@@ -382,10 +337,7 @@ def main() -> int:
             suffix, kind, content, _ = case(number)
             (arguments.keep / f"{number}_{kind.replace(' ', '_')}{suffix}").write_bytes(content)
         return 0
-    clear = accidents(numbers) if arguments.files else True
-    with tempfile.TemporaryDirectory() as folder:
-        enough = acceptance(arguments.valid, Path(folder)) if arguments.valid else True
-    return 0 if clear and enough else 1
+    return int(not accidents(numbers))
 
 
 if __name__ == "__main__":
