@@ -5,7 +5,6 @@ python -m scripts.documentation.licences  the table of docs/reference/licences.m
 
 from __future__ import annotations
 
-import re
 import tomllib
 from collections.abc import Iterable
 from importlib.metadata import PackageNotFoundError, metadata, requires
@@ -14,6 +13,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 from scripts import ROOT
+from scripts.tables import markdown_table
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 NOT_USERS = ("dev", "docs", "distributed", "force-dimension")
@@ -73,10 +73,10 @@ def table() -> str:
         for name in brought(lines):
             by.setdefault(name, []).append(extra or "core")
     rows = [
-        f"| {name} | {re.sub(r'[|]', '/', licence(name))} | {'core' if 'core' in extras else ', '.join(extras)} |"
+        (name, licence(name).replace("|", "/"), "core" if "core" in extras else ", ".join(extras))
         for name, extras in sorted(by.items())
     ]
-    return "\n".join(["| package | licence | brought by |", "| --- | --- | --- |", *rows])
+    return markdown_table(("package", "licence", "brought by"), rows)
 
 
 if __name__ == "__main__":

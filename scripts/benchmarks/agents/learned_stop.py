@@ -31,7 +31,7 @@ from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.envs.vector import CutBatch
 from cutenv.task.observation import COMPONENTS
 from scripts.benchmarks.agents import ladder
-from scripts.tables import interval_text, keep, kept_rows, mean_text
+from scripts.tables import interval_text, keep, kept_rows, markdown_table, mean_text
 
 FILE = "learned_stop.csv"
 SCRIPT, LEARNED = "return stroke", "return stroke with a learned stop"
@@ -218,19 +218,17 @@ def measure(specimens: int, held_out: int) -> list[dict[str, Any]]:
 def report(rows: Sequence[Mapping[str, Any]]) -> str:
     """Return the comparison as a Markdown table."""
     paired = {row["score"]: row for row in differences(rows, LEARNED)}
-    lines = [
-        "| policy | return | success [%] | return minus the script | success minus the script [points] |",
-        "| --- | --- | --- | --- | --- |",
-    ]
+    lines = []
     for name, own in by_policy(rows).items():
         success = 100.0 * np.mean([row["success"] for row in own])
         gain, more = (
             interval_text(paired[score], digits, "+", factor) if name == LEARNED else "–"
             for score, digits, factor in (("return", 3, 1.0), ("success", 1, 100.0))
         )
-        lines.append(f"| {name} | {mean_text(row['return'] for row in own)} | {success:.1f} | {gain} | {more} |")
-    count = paired["return"]["cuts"]
-    return "\n".join([f"Class mixed, {count} held-out specimens; mean [95 % interval].", "", *lines])
+        lines.append((name, mean_text(row["return"] for row in own), f"{success:.1f}", gain, more))
+    head = ("policy", "return", "success [%]", "return minus the script", "success minus the script [points]")
+    made = f"Class mixed, {paired['return']['cuts']} held-out specimens; mean [95 % interval]."
+    return f"{made}\n\n{markdown_table(head, lines)}"
 
 
 def main() -> None:

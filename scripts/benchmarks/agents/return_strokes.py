@@ -20,7 +20,7 @@ from cutenv._base.arrays import Array
 from cutenv.agents.learning.evaluation import batched_rollout, contestant
 from cutenv.agents.learning.seeds import TEST_SEEDS
 from cutenv.agents.learning.statistics import by_policy
-from scripts.tables import keep, kept_rows, mean_text
+from scripts.tables import keep, kept_rows, markdown_table, mean_text
 
 FILE = Path("runs") / "strokes" / "strokes.csv"
 LEAST = 0.001
@@ -58,14 +58,12 @@ def measure(names: Sequence[str], specimens: int) -> list[dict[str, Any]]:
 
 def report(rows: Sequence[Mapping[str, Any]]) -> str:
     """Return the table as Markdown."""
-    lines = ["| policy | cuts with a return stroke | return | success |", "| --- | --- | --- | --- |"]
+    lines = []
     for name, own in by_policy(rows).items():
-        lines.append(
-            f"| {name} | {100.0 * np.mean([row['strokes'] > 0 for row in own]):.0f} % "
-            f"| {mean_text(row['return'] for row in own)} | {100.0 * np.mean([row['success'] for row in own]):.0f} % |"
-        )
-    count = len(rows) // len(by_policy(rows))
-    return "\n".join([*lines, "", f"{count} held-out specimens of class mixed; mean [95 % interval]."])
+        strokes, success = (100.0 * np.mean([row[what] > 0 for row in own]) for what in ("strokes", "success"))
+        lines.append((name, f"{strokes:.0f} %", mean_text(row["return"] for row in own), f"{success:.0f} %"))
+    table = markdown_table(("policy", "cuts with a return stroke", "return", "success"), lines)
+    return f"{table}\n\n{len(rows) // len(lines)} held-out specimens of class mixed; mean [95 % interval]."
 
 
 def main() -> None:

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from cutenv.rig.errors import RigError
-from scripts.tables import keep_json, kept_json
+from scripts.tables import keep_json, kept_json, markdown_table
 from scripts.validation.rig import (
     attacks_by_drivers,
     attacks_by_policy,
@@ -97,7 +97,7 @@ def made(scene: Scene, name: str, seed: int) -> Made:
 
 def markdown(kept: dict[str, Any]) -> str:
     """Return the table for the documentation."""
-    lines = ["| attack | has to be | held | stopped as | way [mm] |", "| --- | --- | --- | --- | --- |"]
+    lines = []
     for name, about in ABOUT.items():
         rows = [Made(**row) for row in kept["attacks"] if row["name"] == name]
         if not rows:
@@ -107,8 +107,8 @@ def markdown(kept: dict[str, Any]) -> str:
         ways = [1e3 * abs(row.way) for row in rows if row.way is not None and row.cause is not None]
         way = f"{min(ways):.1f} to {max(ways):.1f}" if ways else "-"
         held = f"{sum(row.held for row in rows)} of {len(rows)}"
-        lines.append(f"| {about} | {wanted} | {held} | {', '.join(causes) or '-'} | {way} |")
-    return "\n".join(lines)
+        lines.append((about, wanted, held, ", ".join(causes) or "-", way))
+    return markdown_table(("attack", "has to be", "held", "stopped as", "way [mm]"), lines)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
