@@ -53,10 +53,10 @@ def deck(mesh: DoubledMesh, title: str, *, strain: bool = False) -> str:
     return "\n".join(lines) + "\n"
 
 
-def compliance(mesh: DoubledMesh, program: str, *, strain: bool = True) -> Any:
-    """Return the displacement of the tip per force, times modulus and thickness, shape (2, 2), by CalculiX."""
+def compliance(mesh: DoubledMesh, program: str) -> Any:
+    """Return the displacement of the tip per force in plane strain, times modulus and thickness, shape (2, 2)."""
     with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "cut.inp").write_text(deck(mesh, "cut", strain=strain), encoding="ascii")
+        (Path(folder) / "cut.inp").write_text(deck(mesh, "cut", strain=True), encoding="ascii")
         done = subprocess.run([program, "cut"], cwd=folder, capture_output=True, text=True, check=False)
         printed = Path(folder) / "cut.dat"
         if done.returncode or not printed.is_file():

@@ -8,6 +8,9 @@ from scipy.ndimage import gaussian_filter
 
 from scripts.validation.vision.rendering.lens import Array, RenderedCamera
 
+CORNERS = (10, 7)
+"""Inner corners of a board, across and down."""
+
 
 def board_image(
     camera: RenderedCamera, origin: Array, along: Array, down: Array, *, corners: tuple[int, int], square: float,
@@ -46,7 +49,7 @@ def _inked(u: Array, v: Array, columns: int, tags: NDArray[np.uint8]) -> NDArray
 
 def held_boards(
     cameras: list[RenderedCamera], target: Array, count: int, rng: np.random.Generator, *,
-    square: float, corners: tuple[int, int] = (10, 7), tags: NDArray[np.uint8] | None = None,
+    square: float, corners: tuple[int, int] = CORNERS, tags: NDArray[np.uint8] | None = None,
 ) -> list[NDArray[np.uint8]]:  # fmt: skip
     """Render a board held ``count`` times about ``target`` [m]; the images of the cameras stand side by side.
 
@@ -75,20 +78,19 @@ def held_boards(
 
 
 def standing_board(
-    cameras: list[RenderedCamera], target: Array, rng: np.random.Generator, *,
-    square: float, corners: tuple[int, int] = (10, 7), tags: NDArray[np.uint8] | None = None,
-) -> NDArray[np.uint8]:  # fmt: skip
+    cameras: list[RenderedCamera], target: Array, rng: np.random.Generator, *, square: float
+) -> NDArray[np.uint8]:
     """Render a board that stands in the plane of the cut, to some tenths of a millimetre, about ``target`` [m]."""
     turn = np.radians(rng.uniform(-3, 3))
     along, down = np.array([0.0, np.cos(turn), np.sin(turn)]), np.array([0.0, np.sin(turn), -np.cos(turn)])
     middle = target * (0.0, 1.0, 1.0) + (rng.normal(0.0, 2e-4), 0.0, 0.0)
-    origin = middle - 0.5 * square * ((corners[0] - 1) * along + (corners[1] - 1) * down)
-    return _side_by_side(cameras, origin, along, down, corners, square, rng, tags)
+    origin = middle - 0.5 * square * ((CORNERS[0] - 1) * along + (CORNERS[1] - 1) * down)
+    return _side_by_side(cameras, origin, along, down, CORNERS, square, rng)
 
 
 def _side_by_side(
     cameras: list[RenderedCamera], origin: Array, along: Array, down: Array, corners: tuple[int, int], square: float,
-    rng: np.random.Generator, tags: NDArray[np.uint8] | None,
+    rng: np.random.Generator, tags: NDArray[np.uint8] | None = None,
 ) -> NDArray[np.uint8]:  # fmt: skip
     board = {"corners": corners, "square": square, "rng": rng, "tags": tags}
     return np.hstack([board_image(each, origin, along, down, **board) for each in cameras])

@@ -59,17 +59,11 @@ class FilmedCut:
             noise = self.noise * np.sqrt(0.5 + 0.5 * np.clip(counts, 0, 255) / 128.0)  # read noise and shot noise
             yield np.clip(np.rint(counts + noise * rng.normal(size=counts.shape)), 0, 255).astype(np.uint8)
 
-    def boards(
-        self, count: int, seed: int = 0, tags: NDArray[np.uint8] | None = None
-    ) -> tuple[list[NDArray[np.uint8]], NDArray[np.uint8]]:
-        """Render a board of 10 x 7 corners, 5.3 % of the field apart: held at random, and in the plane of the cut.
-
-        With ``tags``, shape (n, 6, 6), it is a ChArUco board.
-        """
-        rng = np.random.default_rng([self.seed, 2, seed])
-        square = 0.053 * self.field
-        held = held_boards(self.cameras, self.target, count, rng, square=square, tags=tags)
-        return held, standing_board(self.cameras, self.target, rng, square=square, tags=tags)
+    def boards(self, count: int) -> tuple[list[NDArray[np.uint8]], NDArray[np.uint8]]:
+        """Render a board of 10 x 7 corners, 5.3 % of the field apart: held at random, and in the plane of the cut."""
+        rng, square = np.random.default_rng([self.seed, 2, 0]), 0.053 * self.field
+        held = held_boards(self.cameras, self.target, count, rng, square=square)
+        return held, standing_board(self.cameras, self.target, rng, square=square)
 
     def write(
         self, path: Path, left: Path | None = None, watched: Callable[[Array], Iterable[float]] = iter,

@@ -68,13 +68,11 @@ class Session:
     cut: CutHistory
     lag: float  # time on the record's clock at the first frame [s]
     seed: int
-    dose: float
 
     @classmethod
     def drawn(
-        cls, seed: int, *, speed: float = 0.001, length: float = 0.07, beads: tuple[int, int] = (7, 14),
-        size: tuple[int, int] = (480, 720), dose: float = 1.0, divisions: tuple[int, int, int] = (6, 12, 2),
-        cut: CutHistory | None = None,
+        cls, seed: int, *, beads: tuple[int, int] = (7, 14), size: tuple[int, int] = (480, 720),
+        divisions: tuple[int, int, int] = (6, 12, 2), cut: CutHistory | None = None,
     ) -> Session:  # fmt: skip
         """Draw a session; a smaller image shows a smaller field, with fewer beads from the clamp on."""
         rng = np.random.default_rng([seed, 25])
@@ -89,7 +87,7 @@ class Session:
                 to_isocentre=rng.uniform(0.60, 0.66), to_detector=rng.uniform(0.95, 1.02), pitch=pitch,
                 rows=size[0], columns=size[1], error=ERRORS[name],
                 swirl=rng.choice([-1, 1]) * rng.uniform(0.8e-7, 2.0e-7), centre=tuple(middle + rng.uniform(-8, 8, 2)),
-                photons=photons * dose, blur=rng.uniform(0.6, 0.9),
+                photons=photons, blur=rng.uniform(0.6, 0.9),
             )  # fmt: skip
         across = (np.arange(beads[0]) - (beads[0] - 1) / 2) * 0.01
         along = 0.006 + np.arange(beads[1]) * 0.01
@@ -100,10 +98,8 @@ class Session:
         model = CutModel(
             element="hex20", formulation="solid", thickness=THICKNESS, divisions=divisions, relative_modulus=uneven
         )
-        cut = cut or CutHistory.simulated(speed, length, seed)
-        return cls(
-            cameras=cameras, rest=rest, model=model, cut=cut, lag=float(rng.uniform(0.1, 0.6)), seed=seed, dose=dose
-        )
+        cut = cut or CutHistory.simulated(0.001, 0.07, seed)
+        return cls(cameras=cameras, rest=rest, model=model, cut=cut, lag=float(rng.uniform(0.1, 0.6)), seed=seed)
 
     def places(self, time: float) -> Array:
         """Return the true places of the beads at a time of the record [s]."""
