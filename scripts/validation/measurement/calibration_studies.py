@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import sys
 from collections.abc import Callable
 
 import numpy as np
@@ -98,15 +97,14 @@ def report(studies: int = STUDIES, seed: int = SEED) -> str:
     return f"{markdown_table(header, rows)}\n\n{studies} studies of {LIVERS} livers, {LIVERS * 14} cuts each."
 
 
-def main() -> int:
+def main() -> None:
     """Cut, calibrate, print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--studies", type=int, default=STUDIES)
     parser.add_argument("--seed", type=int, default=SEED, help="one less than that of the first study")
     arguments = parser.parse_args()
     print(report(arguments.studies, arguments.seed))
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -14,7 +14,6 @@ from __future__ import annotations
 import argparse
 import os
 import platform
-import sys
 import time
 from collections import Counter
 from pathlib import Path
@@ -177,7 +176,7 @@ def markdown(kept: dict[str, Any]) -> str:
     return f"```\n{text(kept)}\n```"
 
 
-def main() -> int:
+def main() -> None:
     """Run the soak test, print and store its results."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add = parser.add_argument
@@ -189,8 +188,7 @@ def main() -> int:
     if arguments.json is not None:
         keep_json(arguments.json, kept)
     print(text(kept))
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

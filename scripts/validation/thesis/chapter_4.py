@@ -27,7 +27,6 @@ from scripts.validation.thesis.rows import (
     statement,
 )
 
-AREA_CM2 = 8 * 15
 TO_ONE_DECIMAL = (1.1, 1.0)  # of the ratios of Table 4.1; everything else is printed to two
 
 

@@ -16,7 +16,6 @@ import argparse
 import functools
 import math
 import os
-import sys
 import tempfile
 import threading
 import time
@@ -193,7 +192,7 @@ def markdown(kept: dict[str, Any]) -> str:
     )
 
 
-def main() -> int:
+def main() -> None:
     """Measure, print, and keep."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add = parser.add_argument
@@ -214,8 +213,7 @@ def main() -> int:
     if arguments.json is not None:
         keep_json(arguments.json, kept)
     print(markdown(kept))
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

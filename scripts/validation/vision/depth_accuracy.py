@@ -13,7 +13,6 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import math
-import sys
 import tempfile
 import time
 from collections import Counter
@@ -173,7 +172,7 @@ def _kept(text: str, kept: bool) -> str:
     return text if kept else f"**{text} (miss)**"
 
 
-def main() -> int:
+def main() -> None:
     """Film, measure, print; every film's result is kept at once."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--films", type=int, default=2, help="of each angle")
@@ -193,8 +192,7 @@ def main() -> int:
             results += measure_film(trace, depth, angle, 1000 * arguments.seed + n, Path(folder), liver)
             keep_json(KEPT, results)
     print(report(results))
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()
