@@ -170,6 +170,22 @@ def test_a_key_is_the_specimen_of_an_environments_episode():
         assert env.unwrapped.specimen == Specimen.drawn(12, episode, specimen_class="vascular")  # type: ignore[attr-defined]
 
 
+def no_crack_runs_on(specimen: Specimen) -> bool:
+    """Tell whether somewhere up to 10 cm no force lets a crack run: it releases K^2 / (2 K') at most, and takes R B."""
+    stiffness = specimen.stiffness()
+    last = round(0.1 / SPACING)
+    rise = np.diff(stiffness)[:last] / SPACING
+    return bool(np.any(rise * specimen.fracture_force()[:last] > 0.5 * stiffness[:last] ** 2))
+
+
+def test_every_key_gives_a_specimen_and_in_a_few_a_crack_finds_no_energy_to_run_on_somewhere():
+    specimens = [Specimen.drawn(12, episode, specimen_class="mixed") for episode in range(1000)]
+    along = np.array([[s.stiffness(), s.modulus, s.fracture_resistance, s.depth] for s in specimens])
+    assert np.all(np.isfinite(along))
+    assert np.all(along > 0.0)
+    assert 0 < sum(map(no_crack_runs_on, specimens)) < 30
+
+
 def test_the_bulge_runs_from_1_mm_to_2_cm_and_moduli_see_the_measured_mean():
     depth = Specimen.mean().depth
     assert depth[0] == pytest.approx(0.001, rel=1e-3)
