@@ -195,12 +195,13 @@ def test_an_unclear_ending_is_noticed(damaged_folder):
 
 
 def test_the_script_prints_its_tables(capsys, monkeypatch):
-    monkeypatch.setattr(sys, "argv", ["record_trials.py", "--files", "60"])
+    monkeypatch.setattr(sys, "argv", ["record_trials.py", "--files", "60", "--valid", "4"])
     assert record_trials.main() == 0
     said = capsys.readouterr().out
     (counted,) = [line.split() for line in said.splitlines() if line.startswith("all")]
     assert sum(map(int, counted[1:])) == 60
     assert counted[-1] == "0"
+    assert "4 valid records with mild noise: 4 accepted" in said
 
 
 def test_reading_takes_at_most_three_times_as_long_as_loadtxt():
