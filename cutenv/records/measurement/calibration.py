@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -336,6 +336,7 @@ def tissue_of(
     check_resamples(resamples)
     pool = PooledCuts(list(cuts))
     found = pool.numbers(np.ones(len(cuts)))
+    _check_intercepts(found, pool)
     rng = np.random.default_rng(seed)
     samples = [pool.numbers(resampled(rng, len(cuts))) for _ in range(int(resamples) if len(cuts) > 1 else 0)]
     liver = measured_liver()
@@ -365,21 +366,40 @@ def tissue_of(
     specimens = len(by_specimen(list(cuts)))
     notes = _how_far_off(evidence, values, len(cuts), specimens) + calibration_notes(cuts, model, found)
     numbers: dict[str, Any] = {field: _rounded(value) for field, value in values.items()}
-    tissue = dataclasses.replace(
-        liver,
-        name=name,
-        element=model.element,
-        formulation=model.formulation,
-        poisson=model.poisson,
-        calibration=TissueCalibration(
-            cuts=len(cuts),
-            specimens=specimens,
-            evidence=tuple(evidence),
-            notes=tuple(notes),
-        ),
-        **numbers,
-    )
-    return as_material(tissue)
+    try:
+        tissue = dataclasses.replace(
+            liver,
+            name=name,
+            element=model.element,
+            formulation=model.formulation,
+            poisson=model.poisson,
+            calibration=TissueCalibration(
+                cuts=len(cuts),
+                specimens=specimens,
+                evidence=tuple(evidence),
+                notes=tuple(notes),
+            ),
+            **numbers,
+        )
+        return as_material(tissue)
+    except ValueError as error:
+        raise ValueError(
+            f"these {len(cuts)} cuts together give no tissue: {error}. Leave out a cut that is unlike the others, or "
+            "add more."
+        ) from None
+
+
+def _check_intercepts(found: Mapping[str, float], pool: PooledCuts) -> None:
+    """Raise ValueError if the modulus falls below zero towards standstill: the cuts do not tell how it falls."""
+    for angle in (90, 45):
+        modulus = found[f"intercept_{angle}"]
+        if modulus <= 0.0:
+            slowest, fastest = 100.0 * pool.speed_min, 100.0 * pool.speed_max
+            raise ValueError(
+                f"by these {len(pool.cuts)} cuts, at {slowest:.3g} to {fastest:.3g} cm/s, the modulus at {angle} "
+                f"degrees falls to {modulus:.0f} Pa towards standstill, which no tissue has. Add cuts of other "
+                "specimens, slower and faster ones."
+            )
 
 
 def with_findings(

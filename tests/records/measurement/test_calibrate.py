@@ -155,6 +155,26 @@ def test_no_record_at_all_is_said() -> None:
         calibrate([])
 
 
+@pytest.mark.parametrize(
+    ("share", "why"),
+    [
+        (0.1, r"modulus at 45 degrees falls to -\d+ Pa towards standstill.* Add cuts"),
+        (0.05, r"6 cuts together give no tissue: fracture_between_cut_cv = .* outside 0 to 2.* Leave out"),
+    ],
+)
+def test_cuts_that_do_not_go_together_are_refused_with_the_cure(share: float, why: str) -> None:
+    """Flat cuts at the slowest speed with a small share of their force."""
+    slowest = min(trace.speed.max() for trace in few())
+    records = [
+        changed(trace, force=share * trace.force)
+        if trace.angle.max() < math.radians(60.0) and trace.speed.max() < 1.05 * slowest
+        else trace
+        for trace in few()
+    ]
+    with pytest.raises(ValueError, match=why):
+        calibrate(records, resamples=0)
+
+
 def test_cuts_that_show_no_modulus_are_no_tissue() -> None:
     short = recorded_cut("2 cm", speed=0.0254, turns=(0.008, 0.0)).trace
     with pytest.raises(ValueError, match="none of 1 cuts has a steady loading segment"):
