@@ -17,6 +17,7 @@ import math
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from itertools import groupby, product
 from operator import itemgetter
 from pathlib import Path
@@ -44,9 +45,17 @@ import ppo_gru
 
 FOLDER = ROOT / "assets" / "benchmark" / "from-scratch"
 LEARNED = ("gentle", "depth", "path", "excision")
-SHOWN = {"raw": NativeVecEnv, "features": FeatureVecEnv}
-"""Environments by what a learner is shown: the numbers of the observation, or the features of ``cutenv train``."""
+SHOWN: dict[str, Callable[..., VecEnv]] = {
+    "raw": NativeVecEnv,
+    "features": FeatureVecEnv,
+    "truth": partial(NativeVecEnv, hidden_state=True),
+}
+"""Environments by what is shown: numbers of the observation, features of ``cutenv train``, numbers and hidden state."""
 LEARNERS = {"ppo": "PPO", "memory": "PPO with a memory", "sac": "SAC", "easier": "PPO, easier at first"}
+STYLES = {"raw": "-", "features": "--", "truth": ":"}
+"""Lines of their curves."""
+INPUTS = {"ppo": tuple(SHOWN), "memory": ("raw", "features"), "sac": ("raw", "features"), "easier": ("features",)}
+"""What each learner is shown, in runs of its own."""
 DECISIONS = {"ppo": 2_000_000, "memory": 2_000_000, "sac": 200_000, "easier": 2_000_000}
 """Decisions of a training, by learner."""
 POINTS, SPECIMENS, HELD_OUT = 10, 200, 1000
@@ -249,9 +258,14 @@ def kept(folder: Path) -> dict[Run, list[dict[str, float]]]:
     return runs
 
 
+def cells(learners: Iterable[str]) -> list[tuple[str, str]]:
+    """Return each learner with each of its inputs."""
+    return [(learner, shown) for learner in learners for shown in INPUTS[learner]]
+
+
 def groups(runs: Iterable[Run]) -> Iterator[tuple[str, str, str, list[Run]]]:
     """Yield task, learner, what it is shown, and its runs, in the order of the table."""
-    for task, learner, shown in product(LEARNED, LEARNERS, SHOWN):
+    for task, learner, shown in ((task, learner, shown) for task in LEARNED for learner, shown in cells(LEARNERS)):
         own = [run for run in runs if run[:3] == (task, learner, shown)]
         if own:
             yield task, learner, shown, own
@@ -305,9 +319,7 @@ def draw(folder: Path, path: Path) -> None:
             curve = runs[run][:-1]
             returns = [row["return"] for row in curve]
             label = f"{LEARNERS[learner]}, {shown}" if number == 0 else None
-            line: dict[str, Any] = {
-                "color": colours[learner], "ls": "-" if shown == "raw" else "--", "lw": 1.0, "label": label,
-            }  # fmt: skip
+            line: dict[str, Any] = {"color": colours[learner], "ls": STYLES[shown], "lw": 1.0, "label": label}
             pair[0].plot([row["processor_s"] / 60.0 for row in curve], returns, **line)
             pair[1].plot([max(row["decisions"], 1e4) for row in curve], returns, **line)
     for task, pair in zip(tasks, axes, strict=True):
@@ -329,7 +341,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--tasks", nargs="+", choices=LEARNED, default=LEARNED, help="default: all")
     parser.add_argument("--learners", nargs="+", choices=list(LEARNERS), default=list(LEARNERS), help="default: all")
-    parser.add_argument("--inputs", nargs="+", choices=list(SHOWN), default=list(SHOWN), help="default: both")
+    parser.add_argument("--inputs", nargs="+", choices=list(SHOWN), default=list(SHOWN), help="default: all")
     parser.add_argument("--seeds", nargs="+", type=int, default=list(range(10)), metavar="N", help="default 0 to 9")
     parser.add_argument("--decisions", type=int, metavar="N", help="decisions of a training; default by learner")
     parser.add_argument("--out", type=Path, default=FOLDER, metavar="FOLDER", help="where the runs are kept")
@@ -339,13 +351,13 @@ def main() -> None:
     if arguments.picture:
         draw(arguments.out, arguments.picture)
         return
-    chosen = product(arguments.seeds, arguments.tasks, arguments.learners, arguments.inputs)
-    for seed, task, learner, shown in [] if arguments.print else chosen:
+    chosen = product(arguments.seeds, arguments.tasks, cells(arguments.learners))
+    for seed, task, (learner, shown) in [] if arguments.print else chosen:
         if not (arguments.out / f"{task}.csv").is_file():
             keep(arguments.out / f"{task}.csv", cut_by_script(task))
         run = Run(task, learner, shown, seed)
         path = arguments.out / f"{run.name}.csv"
-        if path.is_file() or (learner == "easier" and shown != "features"):
+        if path.is_file() or shown not in arguments.inputs:
             continue
         rows = run.train(arguments.decisions or DECISIONS[learner])
         keep(path, rows)

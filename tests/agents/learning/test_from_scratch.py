@@ -10,6 +10,8 @@ import pytest
 pytest.importorskip("stable_baselines3", reason="the learners are an extra: pip install 'cutenv[rl]'")
 
 from cutenv.agents.learning.seeds import TEST_SEEDS
+from cutenv.agents.policy import Features
+from cutenv.task.privileged import PRIVILEGED_FEATURES
 from scripts.benchmarks.agents import from_scratch
 
 DECISIONS = 600
@@ -39,8 +41,7 @@ def run(folder: Path, *options: str) -> None:
 
 def test_every_learner_has_a_curve_that_ends_on_held_out_specimens(folder):
     runs = from_scratch.kept(folder)
-    wanted = {(learner, shown) for learner in from_scratch.LEARNERS for shown in from_scratch.SHOWN}
-    assert {(run.learner, run.shown) for run in runs} == wanted - {("easier", "raw")}
+    assert {(run.learner, run.shown) for run in runs} == set(from_scratch.cells(from_scratch.LEARNERS))
     for rows in runs.values():
         decisions = [row["decisions"] for row in rows]
         assert decisions[0] < DECISIONS <= decisions[-1]
@@ -51,13 +52,22 @@ def test_every_learner_has_a_curve_that_ends_on_held_out_specimens(folder):
 
 def test_the_table_has_them_beside_the_best_script_and_the_picture_is_drawn(folder, tmp_path):
     table = from_scratch.report(folder).splitlines()[2:]
-    assert len(table) == 2 + 1 + 7
+    assert len(table) == 2 + 1 + 8
     assert table[2].startswith("| gentle | script: return stroke |")
     (row,) = [line for line in table if "| PPO with a memory | features |" in line]
     last = from_scratch.kept(folder)[from_scratch.Run("gentle", "memory", "features", 0)][-1]
     assert f"| {last['return']:.3f} | {100.0 * last['success']:.0f} |" in row
     from_scratch.draw(folder, tmp_path / "curves.png")
     assert (tmp_path / "curves.png").stat().st_size > 10_000
+
+
+def test_learners_see_what_they_are_said_to_see():
+    sizes = {
+        shown: from_scratch.Run("gentle", "ppo", shown, 0).environments(range(2)).observation_space.shape
+        for shown in from_scratch.SHOWN
+    }
+    features = Features(1).size
+    assert sizes == {"raw": (12,), "features": (features,), "truth": (12 + len(PRIVILEGED_FEATURES),)}
 
 
 def test_a_curve_counts_the_first_cut_of_each_specimen():
