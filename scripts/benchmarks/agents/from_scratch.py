@@ -98,16 +98,16 @@ class Run(NamedTuple):
         """Decisions a second."""
         return SLOW_RATE if self.learner == "easier" else RATE
 
-    def train(self, decisions: int, specimens: int = SPECIMENS, held_out: int = HELD_OUT) -> list[dict[str, Any]]:
+    def train(self, decisions: int) -> list[dict[str, Any]]:
         """Train; return a row for each point of the curve, and one of the held-out specimens at the end."""
         torch.set_num_threads(1)
-        curve = Curve(self.environments(VALIDATION_SEEDS[:specimens]), decisions)
+        curve = Curve(self.environments(VALIDATION_SEEDS[:SPECIMENS]), decisions)
         seeds = range(1000 * self.seed, 1000 * self.seed + ENVIRONMENTS)
         learn = {"memory": self._with_memory, "sac": self._by_sac}.get(self.learner, self._by_ppo)
         act, made = learn(seeds, curve)
         curve.add(act, made)
-        returns, success = cut_with(act, self.environments(TEST_SEEDS[:held_out]))
-        last = {"return": returns.mean(), "success": success.mean(), "specimens": held_out}
+        returns, success = cut_with(act, self.environments(TEST_SEEDS[:HELD_OUT]))
+        last = {"return": returns.mean(), "success": success.mean(), "specimens": HELD_OUT}
         return [*curve.rows, {**curve.rows[-1], **last}]
 
     def _by_ppo(self, seeds: range, curve: Curve) -> tuple[Act, int]:
