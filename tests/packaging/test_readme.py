@@ -47,7 +47,7 @@ def test_its_table_has_five_rows_and_an_honest_sentence() -> None:
     assert block
     rows = [line for line in block[1].splitlines() if line.startswith("| ")]
     assert len(rows) - 2 == 5
-    assert re.search(r"95 % interval of the paired difference \[.*\], (one training seed|\d+ training seeds)", block[1])
+    assert re.search(r"95 % interval of the paired difference \[.*\], (one training run|\d+ training runs)", block[1])
 
 
 @pytest.mark.parametrize("target", sorted(set(re.findall(r"\]\((?!http)([^)#]+)\)", README))))
