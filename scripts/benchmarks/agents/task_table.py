@@ -199,10 +199,10 @@ class TaskTable:
             f"PPO that corrects the script, {len(runs)} runs": [r for r in agents if r["policy"] in runs],
             f"best script ({TASKS[self.task].script})": [r for r in agents if r["policy"] == TASKS[self.task].script],
         }
-        lines = [f"| {self.task} | return | success | {heading} |", "| --- | --- | --- | --- |"]
+        lines = [f"| {self.task} | return | success [%] | {heading} |", "| --- | --- | --- | --- |"]
         for name, rows in several.items():
             means = [float(np.mean([row[score] for row in rows])) for score in ("return", "success", error)]
-            lines.append(f"| {name} | {means[0]:.2f} | {means[1]:.2f} | {shown.format(means[2])} |")
+            lines.append(f"| {name} | {means[0]:.2f} | {100.0 * means[1]:.0f} | {shown.format(means[2])} |")
         return "\n".join(lines)
 
     def kept_report(self) -> str:
