@@ -55,7 +55,7 @@ LEARNERS = {"ppo": "PPO", "memory": "PPO with a memory", "sac": "SAC", "easier":
 STYLES = {"raw": "-", "features": "--", "truth": ":"}
 """Lines of their curves."""
 INPUTS = {"ppo": tuple(SHOWN), "memory": ("raw", "features"), "sac": ("raw", "features"), "easier": ("features",)}
-"""What each learner is shown, in runs of its own."""
+"""Inputs of each learner, each in runs of its own."""
 DECISIONS = {"ppo": 2_000_000, "memory": 2_000_000, "sac": 200_000, "easier": 2_000_000}
 """Decisions of a training, by learner."""
 POINTS, SPECIMENS, HELD_OUT = 10, 200, 1000
@@ -69,7 +69,7 @@ FORWARD, UNTIL = 0.3, 0.5
 PPO_SETTINGS: dict[str, Any] = {"n_steps": 256, "batch_size": 1024, "n_epochs": 8, "gamma": 1.0}
 LEARNING_RATE, DEVIATION = 1e-3, 0.8
 SAC_SETTINGS: dict[str, Any] = {
-    "learning_starts": 5000, "train_freq": 10, "gradient_steps": 64, "batch_size": 256, "gamma": 1.0,
+    "learning_starts": 5000, "train_freq": 10, "gradient_steps": 64, "batch_size": 256, "gamma": 0.99,
     "policy_kwargs": {"net_arch": [64, 64]},
 }  # fmt: skip
 Act = Callable[[np.ndarray, Any, np.ndarray], tuple[np.ndarray, Any]]
