@@ -152,13 +152,14 @@ def test_after_a_stop_the_operator_is_asked_before_the_next_cut():
 
 def test_a_specimen_that_holds_the_blade_at_the_force_limit_is_taken_off_before_the_next_cut():
     env = RigCutEnv(rig="fake", lower_limits={"force": 4.0})
-    asked, confirm = [], env.session.operator.confirm
-    env.session.operator.confirm = lambda question, **more: asked.append(question) or confirm(question, **more)
+    asked, ready = [], env.session.operator.ask_ready
+    env.session.operator.ask_ready = lambda what: asked.append((what, fake_of(env).blade.state)) or ready(what)
     _, info, _ = cut(env, "constant 2.54 cm/s 90 deg", seed=2)
     assert info["stop"]["cause"] == "force limit"
     assert abs(fake_of(env).felt()) > 3.5
     env.reset(seed=3)
-    assert sum("Take the specimen off the blade" in question for question in asked) == 1
+    powers = [state for what, state in asked if "Take the specimen off the blade" in what]
+    assert powers == [DriveState.DISABLED]  # hands are in the travel
     assert abs(fake_of(env).felt()) < 0.5
     assert not env.step(np.array([0.5, 1.0], np.float32))[2]
     env.close()

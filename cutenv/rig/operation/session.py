@@ -302,13 +302,11 @@ class RigSession:
         """Reset a stop if the operator agrees, prepare if necessary, and release."""
         supervisor = self.plant.supervisor
         if (why := supervisor.latched) is not None:
-            held = supervisor.report is not None and supervisor.report.cause in _HELD
-            cure = "Take the specimen off the blade: held by it, it would be stopped again. " if held else ""
-            question = f"The blade was stopped ({why}). {cure}Is the cause removed, and may the stop be reset?"
-            agreed = self.operator.confirm(question)
-            if agreed and held:
-                self._supply.take_away()
-            supervisor.reset(agreed=agreed)
+            report = supervisor.report
+            question = f"The blade was stopped ({why}). Is the cause removed, and may the stop be reset?"
+            supervisor.reset(agreed=self.operator.confirm(question))
+            if report is not None and str(report) == why and report.cause in _HELD:
+                self._free_the_blade()
             self.checks = []
         if not self.checks:
             self.checks = prepare(self.plant, self.operator, today=self._today, in_air=self._air is None)
@@ -316,6 +314,16 @@ class RigSession:
                 self._air = self.plant.zero
         else:
             self.start()
+
+    def _free_the_blade(self) -> None:
+        """Have the specimen taken off; after a reset the drives are without power."""
+        what = (
+            "The drives are without power. Take the specimen off the blade: held by it, the blade would be stopped "
+            "again. Then take your hands away"
+        )
+        if not self.operator.ask_ready(what):
+            raise RigError("the specimen still holds the blade: nothing moves.")
+        self._supply.take_away()
 
     def start(self) -> None:
         """Release the rig for the cut's commands.
