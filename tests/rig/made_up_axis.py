@@ -125,5 +125,5 @@ def recorded(axis: MadeUpAxis) -> tuple[Plan, Recorded]:
 
 
 def identified(axis: MadeUpAxis) -> Identification:
-    """What is found from that experiment."""
+    """Drive as it is identified from that experiment."""
     return identification_from(RigSettings(), *recorded(axis))

@@ -165,6 +165,23 @@ def test_a_specimen_that_holds_the_blade_at_the_force_limit_is_taken_off_before_
     env.close()
 
 
+def test_while_a_specimen_holds_the_blade_nothing_moves_and_it_is_asked_for_again():
+    operator = ScriptedOperator([("will move", "fake"), ("was stopped", True), ("Take the specimen off", False)])
+    env = RigCutEnv(rig="fake", operator=operator, lower_limits={"force": 4.0})
+    _, info, _ = cut(env, "constant 2.54 cm/s 90 deg", seed=2)
+    assert info["stop"]["cause"] == "force limit"
+    for again in (False, True):
+        operator.unasked = operator.unasked or [("Take the specimen off", False)] * again
+        with pytest.raises(RigError, match="the specimen still holds the blade: nothing moves"):
+            env.reset(seed=3)
+        assert fake_of(env).blade.state is DriveState.DISABLED
+        fake_of(env).clock.sleep_until(fake_of(env).clock.now() + 0.05)  # until the samples say so
+    operator.unasked = [("Take the specimen off", True), ("will move", "fake")]
+    env.reset(seed=3)
+    assert not env.step(np.array([0.5, 1.0], np.float32))[2]
+    env.close()
+
+
 def test_nothing_moves_without_the_operators_typed_word():
     env = RigCutEnv(rig="fake", operator=ScriptedOperator([("will move", "yes")]))
     with pytest.raises(RigError, match="not confirmed"):

@@ -203,6 +203,7 @@ class RigSession:
             self._stack.callback(release)
         self._air: tuple[float, float, float] | None = None  # [N] zero of the blade in air
         self._opened = False
+        self._held = False  # by a specimen, at the force limit
         self._in_time = isinstance(plant.clock, SystemClock)
 
     def open(self) -> None:
@@ -305,9 +306,10 @@ class RigSession:
             report = supervisor.report
             question = f"The blade was stopped ({why}). Is the cause removed, and may the stop be reset?"
             supervisor.reset(agreed=self.operator.confirm(question))
-            if report is not None and str(report) == why and report.cause in _HELD:
-                self._free_the_blade()
             self.checks = []
+            self._held |= report is not None and str(report) == why and report.cause in _HELD
+        if self._held:
+            self._free_the_blade()
         if not self.checks:
             self.checks = prepare(self.plant, self.operator, today=self._today, in_air=self._air is None)
             if self._air is None:
@@ -324,6 +326,7 @@ class RigSession:
         if not self.operator.ask_ready(what):
             raise RigError("the specimen still holds the blade: nothing moves.")
         self._supply.take_away()
+        self._held = False
 
     def start(self) -> None:
         """Release the rig for the cut's commands.
