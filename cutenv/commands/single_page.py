@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cutenv._base.language_files import ENGLISH, languages
+from cutenv.agents.policy import ORACLE
 from cutenv.commands.options import (
     add_task,
     add_tissue,
@@ -68,7 +69,7 @@ def _parser() -> argparse.ArgumentParser:
             "cut.html --scorm cut.zip --pass-mark 60",
             "depth.html --task depth --open",
             "both.html --task gentle --task depth --scorm both.zip",
-            "excision.html --task path --line excision --count 10",
+            "excision.html --task path --line fusiform --expert ppo-excision",
         ),
         note="The page saves records that 'cutenv score' and 'cutenv study' read.",
     )
@@ -92,7 +93,11 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of specimens and targets; default 0")
     parser.add_argument("--language", choices=languages(), default=ENGLISH, help="language of the page; default en")
     parser.add_argument(
-        "--expert", action="store_true", help="show the planner's way beside replays; seconds of work for a specimen"
+        "--expert",
+        nargs="?",
+        const=ORACLE,
+        metavar="POLICY",
+        help="show the way of the planner, or of a shipped policy, in replays, too; seconds of work for a specimen",
     )
     parser.add_argument(
         "--scorm", type=Path, metavar="PACKAGE", help="write it as a SCORM 1.2 package for a learning platform, too"

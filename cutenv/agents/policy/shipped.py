@@ -5,6 +5,7 @@ Baselines tuned on validation specimens, the trained ones of the package, and an
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable
 from importlib import import_module
@@ -99,6 +100,16 @@ def shipped(name: str) -> TrainedPolicy:
 
 def _shipped_folder(name: str) -> Path:
     return resources.path(f"{_FOLDER}/{name}")
+
+
+def experts(task: str) -> tuple[str, ...]:
+    """Return the names of the oracle and of the shipped policies that can cut in a task.
+
+    A policy can if it was trained in a task with the same law and actions: ``"ppo-excision"`` in ``"path"``.
+    """
+    environments = {name: json.loads((_shipped_folder(name) / CARD).read_bytes())["environment"] for name in SHIPPED}
+    same = TASKS[task].task
+    return ORACLE, *(name for name, environment in environments.items() if task_made_as(environment).task is same)
 
 
 def policy_folder(name: str | Path) -> Path:

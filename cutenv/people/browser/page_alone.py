@@ -25,10 +25,11 @@ from cutenv._base.document import render
 from cutenv._base.language_files import ENGLISH, languages, texts_by_key
 from cutenv._base.output import atomic_write
 from cutenv._base.validation import in_range, one_of
+from cutenv.agents.policy import experts
 from cutenv.display.viewer.drawn_slab import Slab
 from cutenv.display.viewer.scene_parts import scene_data
 from cutenv.envs.tissue_source import TissueSource
-from cutenv.people.browser.watched_cut import planned_way
+from cutenv.people.browser.watched_cut import expert_way, kind_of_expert
 from cutenv.people.play.devices import INCLINED, LEAD, LEVEL_REACH, LOWERED_BY_NOTCH, NOTCH, TRAVEL
 from cutenv.people.play.hand_model import PLAYED_HAND
 from cutenv.records.measurement.strokes import SHORTEST_STROKE, STANDSTILL_SPEED
@@ -105,7 +106,7 @@ def page_alone(
     seed: int = 0,
     language: str = "en",
     platform: Mapping[str, float | None] | None = None,
-    expert: bool = False,
+    expert: str | None = None,
 ) -> str:
     """Return a page that cuts, shows numbers and saves records.
 
@@ -127,8 +128,9 @@ def page_alone(
         Language until the reader chooses.
     platform : mapping, optional
         Given for a page in a learning platform's package: "mark" is the score to pass with, or None.
-    expert : bool
-        Whether a replay shows the planner's way in the same specimen, too; a second of work for each.
+    expert : str, optional
+        Whose way in the same specimen a replay shows, too: one of the :func:`~cutenv.agents.policy.experts` of every
+        task; seconds of work for each specimen.
 
     Raises
     ------
@@ -139,6 +141,8 @@ def page_alone(
     """
     for each in tasks:
         one_of("task", each, tasks_with("hand"))
+        if expert is not None:
+            one_of("expert", expert, experts(each))
     for each in specimen_classes:
         one_of("specimen_class", each, CLASSES)
     for each in lines:
@@ -249,13 +253,14 @@ def specimen_data(
     *,
     task: str = "gentle",
     line: str | None = None,
-    expert: bool = False,
+    expert: str | None = None,
     tissue: str | Path | None = None,
 ) -> dict[str, Any]:
     """Return a cut at its start: its key, and the records of its whole state as base64; hidden truth included.
 
-    ``line`` is the kind of line of a cut along one; the key draws it by default.  With ``expert`` the planner's way is
-    there, too.  ``tissue`` is the file of another tissue than the measured pig liver.
+    ``line`` is the kind of line of a cut along one; the key draws it by default.  With ``expert``, one of the
+    :func:`~cutenv.agents.policy.experts`, its way is there, too.  ``tissue`` is the file of another tissue than the
+    measured pig liver.
     """
     key: dict[str, Any] = {"specimen_class": specimen_class, "seed": seed, "episode": episode}
     of_task: dict[str, Any] = {} if line is None else {"line": line}
@@ -263,8 +268,9 @@ def specimen_data(
     told = {"line": cut.noted["line"]} if TASKS[task].line else {}
     records = {name: _base64(record.tobytes()) for name, record in cut.records.items()}
     data = {"task": task} | key | told | {"records": records, "facts": cut.facts}
-    if expert:
-        data["expert"] = planned_way(specimen_class, seed, episode, target_length, task=task, line=line, tissue=tissue)
+    if expert is not None:
+        key |= {"target_length": target_length, "task": task, "line": line, "tissue": tissue}
+        data |= {"expert": expert_way(**key, expert=expert), "expertBy": kind_of_expert(expert)}
     return data
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from cutenv._base.arrays import Array, StructArray, joined_records
+from cutenv.agents.policy.shipped import ORACLE, shipped
 from cutenv.task.registry import TASKS
 
 MOVEMENTS = "movements"
@@ -70,8 +71,13 @@ def way_of(readings: StructArray, further: Mapping[str, Array]) -> dict[str, lis
     return {name: np.round(values[moments], digits[name]).tolist() for name, values in columns.items()}
 
 
+def kind_of_expert(expert: str) -> str:
+    """Return by which words a page calls an expert: those of the "planner", or of an "agent"."""
+    return "planner" if expert == ORACLE else "agent"
+
+
 @lru_cache(256)
-def planned_way(
+def expert_way(
     specimen_class: str,
     seed: int,
     episode: int,
@@ -80,18 +86,21 @@ def planned_way(
     task: str = "gentle",
     line: str | None = None,
     tissue: str | Path | None = None,
+    expert: str = ORACLE,
 ) -> dict[str, list[float]]:
-    """Return the :func:`way_of` the planner that knows a specimen, on a drive; some seconds of work."""
+    """Return the :func:`way_of` one of the :func:`~cutenv.agents.policy.experts`, on a drive; some seconds of work."""
     known = TASKS[task]
-    of_line: dict[str, Any] = {} if line is None else {"line": line}
-    env = known.single(specimen_class=specimen_class, target_length=target_length, tissue=tissue, **of_line)
+    policy: Any = known.planner() if expert == ORACLE else shipped(expert)
+    arguments: dict[str, Any] = {} if line is None else {"line": line}
+    arguments |= {} if expert == ORACLE else policy.environment_arguments
+    env = known.single(specimen_class=specimen_class, target_length=target_length, tissue=tissue, **arguments)
     observation, _ = env.reset(seed=seed, options={"episode": episode})
-    planner = known.planner()
-    planner.reset(np.random.default_rng(seed))
-    planner.set_state(env.cutting)
+    policy.reset(np.random.default_rng(seed))
+    if expert == ORACLE:
+        policy.set_state(env.cutting)
     parts, further, ended = [], [], False
     while not ended:
-        observation, _, ended, _, _ = env.step(planner(observation))
+        observation, _, ended, _, _ = env.step(policy(observation))
         parts.append(env.cutting.readings.copy())
         further.append({name: values.copy() for name, values in env.cutting.channels.items()})
     joined = {name: np.concatenate([each[name] for each in further]) for name in further[0]}

@@ -14,6 +14,7 @@ from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
 from starlette.routing import Route
 
+from cutenv.agents.policy import ORACLE, experts
 from cutenv.people.classroom.class_courses import COURSE_FILE
 from cutenv.people.classroom.class_site import ClassSite, download, text_of
 from cutenv.people.classroom.lesson import name_of
@@ -75,6 +76,7 @@ class CoursePages:
             lines=(*KINDS, "mixed"), rules={rule: course_words(language, rule) for rule in FEEDBACK},
             metrics=_metrics(language), edited=key != NEW and courses.file(key).is_file(), key=key, new=NEW,
             further=courses.further(), course_name=name_of(courses.main),
+            agents=[name for kind in tasks_with("hand") for name in experts(kind) if name != ORACLE],
             shipped={name: named_course(name).name for name in SHIPPED_COURSES},
         )  # fmt: skip
 
@@ -173,6 +175,7 @@ def _content_of(form: FormData) -> dict[str, Any]:
         names, limits = form.getlist(f"{k}-mark"), form.getlist(f"{k}-limit")
         mark = {str(name): _number(str(limit).strip()) for name, limit in zip(names, limits, strict=False) if name}
         task |= {"mark": mark} if mark else {}
+        task |= {"expert": given["expert"]} if given["expert"] else {}
         task |= {"crossover": True} if form.get(f"{k}-crossover") else {}
         place = _number(given["place"])
         tasks.append((place if isinstance(place, int | float) else k + 1, k, task))
@@ -184,10 +187,10 @@ def _content_of(form: FormData) -> dict[str, Any]:
 
 _FIELDS = (
     "name", "task", "line", "specimen_class", "feedback", "target_length_mm", "repetitions", "crossover", "attempts",
-    "opens", "closes",
+    "expert", "opens", "closes",
 )  # fmt: skip
 _NUMBERS = ("target_length_mm", "repetitions", "attempts")
-_TEXTS = ("specimen_class", "feedback", "seeds", "opens", "closes", *_NUMBERS)
+_TEXTS = ("expert", "specimen_class", "feedback", "seeds", "opens", "closes", *_NUMBERS)
 
 
 def _number(text: str) -> int | float | str:

@@ -30,7 +30,15 @@ from cutenv.display.report.score_page import ScoredRecord, write_score_page
 from cutenv.envs.tissue_source import TissueSource
 from cutenv.people.browser.page_alone import specimen_data
 from cutenv.people.browser.stylus_steps import HandCut
-from cutenv.people.browser.watched_cut import MOVEMENTS, from_runs, in_runs, planned_way, shown_cut, way_of
+from cutenv.people.browser.watched_cut import (
+    MOVEMENTS,
+    expert_way,
+    from_runs,
+    in_runs,
+    kind_of_expert,
+    shown_cut,
+    way_of,
+)
 from cutenv.people.classroom.analysis import Analyses
 from cutenv.people.classroom.class_courses import ClassCourses
 from cutenv.people.classroom.class_store import (
@@ -465,7 +473,8 @@ class Lesson:
     def replay(self, code: str, number: str) -> dict[str, Any]:
         """Return a saved cut for its replay: specimen, movements, an expert's way in it, and who that is.
 
-        The expert is a cut of the same specimen that the teacher has chosen, "example", or else the "planner".
+        The expert is a cut of the same specimen that the teacher has chosen, "example", or else the one that the task
+        names, the "planner" or an "agent".
 
         Raises
         ------
@@ -481,14 +490,16 @@ class Lesson:
         example = next((each for each in self.store.cuts() if each.example and _same_specimen(each, cut)), None)
         expert = None
         if example is not None and example.id != number:
-            with suppress(OSError, LookupError, ValueError):  # its record is damaged: the planner takes its place
+            with suppress(OSError, LookupError, ValueError):  # its record is damaged: another takes its place
                 expert = self._way(example, task)
         movements = in_runs(self._movements(cut))
-        by = "planner" if expert is None else "example"
+        by = kind_of_expert(task.expert) if expert is None else "example"
         kind, seed, target = cut.specimen_class, cut.seed, cut.target_length
         line = task.line if TASKS[task.task].line else None
         if expert is None:
-            expert = planned_way(kind, seed, 0, target, task=task.task, line=line, tissue=self.tissue)
+            expert = expert_way(
+                kind, seed, 0, target, task=task.task, line=line, tissue=self.tissue, expert=task.expert
+            )
         specimen = specimen_data(kind, seed, 0, target, task=task.task, tissue=self.tissue, **task.of_line)
         return {"specimen": specimen, "movements": movements, "expert": expert, "by": by}
 
@@ -503,9 +514,9 @@ class Lesson:
         kind, target = task.specimen_class, task.target_length
         with self._guard:  # some seconds of work, once
             seed, movements = shown_cut(kind, target, **key)
-            expert = planned_way(kind, seed, 0, target, **key)
+            expert = expert_way(kind, seed, 0, target, **key, expert=task.expert)
         specimen = specimen_data(kind, seed, 0, target, **key)
-        return {"specimen": specimen, "movements": movements, "expert": expert, "by": "planner"}
+        return {"specimen": specimen, "movements": movements, "expert": expert, "by": kind_of_expert(task.expert)}
 
     def _movements(self, cut: HandedOutCut) -> Array:
         """Return the movements of a saved cut, shape (n, k); LookupError if an earlier version kept it without them."""

@@ -16,6 +16,7 @@ from cutenv._base import resources
 from cutenv._base.language_files import local_number
 from cutenv._base.unit_table import Unit, shown_unit
 from cutenv._base.validation import in_range, one_of
+from cutenv.agents.policy import ORACLE, experts
 from cutenv.people.play.course_words import course_words
 from cutenv.records.provenance import check_operator
 from cutenv.records.scoring import MAP_METRICS, ScoreCard, all_metrics
@@ -127,6 +128,8 @@ class CourseTask:
         True for the two tasks that exchange their feedback for operators with an even number.
     attempts : int or None
         Most cuts that count; after them the task is over, reached or not.  None for as many as it takes.
+    expert : str
+        Whose way a replay and a demonstration show, too: one of the :func:`~cutenv.agents.policy.experts`.
     opens, closes : datetime or None
         Moments from which, and up to which, cuts are handed out; on the clock of the machine if they name no zone.
     """
@@ -142,6 +145,7 @@ class CourseTask:
     target_length: float | None = None
     crossover: bool = False
     attempts: int | None = None
+    expert: str = ORACLE
     opens: datetime | None = None
     closes: datetime | None = None
 
@@ -194,6 +198,7 @@ class Course:
             specimen_class=first.specimen_class,
             task=first.task,
             line=first.line,
+            expert=first.expert,
             target_length=first.target_length,
         )
 
@@ -349,6 +354,8 @@ def _task(number: int, given: Mapping[str, Any]) -> CourseTask:
         if TASKS[kind].line and "target_length_mm" in given:
             longest = f"A drawn line is long enough for cuts of at most {1e3 * LONGEST:.0f} mm."
             in_range("target_length_mm", given["target_length_mm"], 15.0, 1e3 * LONGEST, "mm", longest)
+        if "expert" in given:
+            one_of("expert", given["expert"], experts(kind))
         task = CourseTask(**{_FIELDS.get(key, key): _TASK_KEYS[key](given[key]) for key in given})
         if task.attempts is not None and task.attempts < task.repetitions:
             raise ValueError(
@@ -437,6 +444,7 @@ _TASK_KEYS: Mapping[str, Callable[[Any], Any]] = {
     "target_length_mm": _length,
     "crossover": lambda value: _truth("crossover", value),
     "attempts": lambda value: _whole("attempts", value, 1, 1000, "Give how many cuts count."),
+    "expert": str,
     "opens": lambda value: _moment("opens", value),
     "closes": lambda value: _moment("closes", value),
 }

@@ -1,12 +1,14 @@
-"""Movements are kept in runs, and the planner's way is that of its cut."""
+"""Movements are kept in runs, and the way of the planner or an agent is that of its cut."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
+from cutenv.agents.policy import ORACLE, experts
 from cutenv.people.browser import HandCut
-from cutenv.people.browser.watched_cut import from_runs, in_runs, planned_way, way_of
+from cutenv.people.browser.page_alone import page_alone
+from cutenv.people.browser.watched_cut import expert_way, from_runs, in_runs, way_of
 
 
 def test_runs_hold_every_movement_to_the_last_bit() -> None:
@@ -32,6 +34,24 @@ def test_a_way_has_fifty_moments_a_second_and_the_end() -> None:
 
 
 def test_the_planner_ends_at_the_target_of_the_hands_specimen() -> None:
-    way = planned_way("liver", 3, 0, 0.07)
+    way = expert_way("liver", 3, 0, 0.07)
     assert way["tip"][-1] == pytest.approx(0.07, abs=0.003)
     assert max(way["time"]) < 30.0
+
+
+def test_the_excisions_agent_cuts_the_side_that_a_person_cuts() -> None:
+    planner, agent = (
+        expert_way("liver", 3, 0, task="path", line="fusiform", expert=expert) for expert in (ORACLE, "ppo-excision")
+    )
+    assert agent["tip"][-1] == pytest.approx(planner["tip"][-1], abs=0.005)  # the same target
+    middle = [np.interp(0.04, way["blade_x"], way["blade_y"]) for way in (planner, agent)]
+    assert middle[1] == pytest.approx(middle[0], abs=0.006)  # on the same side
+    assert agent["force"] != planner["force"]
+
+
+def test_experts_of_a_task_have_its_actions() -> None:
+    assert experts("path") == (ORACLE, "ppo-excision", "ppo-path")
+    assert "ppo-free" in experts("gentle")
+    assert "ppo-path" not in experts("gentle")
+    with pytest.raises(ValueError, match="expert must be"):
+        page_alone(tasks=("gentle",), expert="ppo-excision")

@@ -9,16 +9,18 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 pytest.importorskip("starlette", reason="the server is an extra: pip install 'cutenv[serve]'")
 pytest.importorskip("httpx2", reason="asks the server in its tests: pip install 'cutenv[dev]'")
 
-from class_room import Room, begun, cut_once, sent, to_the_end
+from class_room import Room, begun, cut_once, hand, message, sent, to_the_end
 
 from cutenv.commands import cli
 from cutenv.people.browser import HandCut
-from cutenv.people.browser.watched_cut import from_runs
+from cutenv.people.browser.stylus_steps import HandPathCut
+from cutenv.people.browser.watched_cut import expert_way, from_runs
 from cutenv.people.classroom import ClassStore, Lesson
 from cutenv.people.classroom.class_backup import restore_backup, write_backup
 from cutenv.people.play.course import WARM_UP, course_of
@@ -248,6 +250,25 @@ def test_a_course_shows_a_cut_before_the_first_one(two: Room) -> None:
     cut_once(person)
     assert person.post("/cuts").json()["demonstration"] is False
     assert two.client().get("/demonstration").status_code == 401
+
+
+def test_an_agent_shows_its_way_along_an_excision(two: Room) -> None:
+    teacher, person = two.teacher(), two.person("P01")
+    excision = {"0-task": "path", "0-line": "fusiform", "0-expert": "ppo-excision", "demonstration": "yes"}
+    assert teacher.post("/teacher/course", data=FIRST | excision).status_code == 303
+    assert 'value="ppo-excision" selected' in teacher.get("/teacher/course").text
+    assert 'expert = "ppo-excision"' in teacher.get("/teacher/course.toml").text
+    assert person.get("/demonstration").json()["by"] == "agent"
+    cut = begun(person)
+    made = HandPathCut(specimen_class="liver", seed=cut["seed"], line="fusiform")
+    sent_cut = message(made, np.column_stack([hand(), np.linspace(0.0, 0.002, 900)]))
+    assert person.post(f"/cuts/{cut['id']}", **sent_cut).status_code == 200
+    replay = person.get(f"/cuts/{cut['id']}/replay").json()
+    assert replay["by"] == "agent"
+    assert replay["expert"] == expert_way("liver", cut["seed"], 0, task="path", line="fusiform", expert="ppo-excision")
+    other = teacher.post("/teacher/course", data=FIRST | {"0-task": "gentle", "0-expert": "ppo-excision"})
+    assert other.status_code == 422
+    assert "expert must be" in other.text
 
 
 @pytest.mark.parametrize(
