@@ -69,15 +69,6 @@ def test_it_is_told_when_the_agent_was_level_with_its_teacher_if_it_was(finished
     assert ("as good as 'return stroke' on the validation specimens after " in printed) is (told is not None)
 
 
-def test_it_can_be_asked_again_of_a_finished_run(finished):
-    folder = finished[0]
-    told = json.loads((folder / "run.json").read_text())["level_with_script_after_s"]
-    done = run("scripts/benchmarks/agents/time_to_threshold.py", folder, str(folder))
-    assert done.returncode == 0, done.stderr
-    after = "never" if told is None else f"after {told:.0f} s"
-    assert done.stdout.startswith(f"small: as good as 'return stroke' {after}, of ")
-
-
 def test_level_is_when_validation_first_reaches_what_the_script_gets():
     easy = PPOArguments(validation_specimens=4, script="force feedback")
     curve = [{"seconds": 1.0, "return": 9.0}] + [
