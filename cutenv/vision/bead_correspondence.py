@@ -25,10 +25,11 @@ _TURN, _MOVE = 0.01, 0.003  # standard deviations of a pose before the adjustmen
 def places_from_sweep(
     projections: Sequence[Array], images: Sequence[Array], region: ArrayLike, *, tolerance: float = 1.0
 ) -> tuple[Array, Array]:
-    """Find places of resting beads from views of a C-arm that turns (the thesis's rotation of 90 degrees).
+    """Find places of resting beads from views of a rotating C-arm.
 
-    Each image in the first view is a ray. Of all places on it within the region the one is taken that most views
-    show; its images there are then triangulated. No bead has to be followed from view to view.
+    The thesis rotated it by 90 degrees. Each image in the first view is a ray. Of all places on it within the region
+    the one is taken that most views show; its images there are then triangulated. No bead has to be followed from view
+    to view.
 
     Parameters
     ----------
@@ -96,7 +97,7 @@ def places_from_sweep(
 
 
 def _rays(projection: Array, pixels: Array, low: Array, high: Array) -> tuple[Array, Array]:
-    """Return where the rays of pixels enter and leave the region, shapes (n, 3); NaN for those that miss it."""
+    """Return entry and exit of pixels' rays through the region, NaN outside."""
     source = -np.linalg.solve(projection[:, :3], projection[:, 3])
     way = np.linalg.solve(projection[:, :3], np.hstack([pixels, np.ones((len(pixels), 1))]).T).T
     way /= np.linalg.norm(way, axis=1, keepdims=True)
@@ -112,7 +113,7 @@ def _rays(projection: Array, pixels: Array, low: Array, high: Array) -> tuple[Ar
 def pairs_by_epipolar(
     first: Array, second: Array, in_first: ArrayLike, in_second: ArrayLike, *, tolerance: float = 0.5
 ) -> tuple[Indices, Indices]:
-    """Pair tracks of two views without a sweep, by epipolar lines over the whole motion.
+    """Pair tracks of two views by epipolar lines.
 
     The images of a bead lie on each other's epipolar lines in every frame, at rest and on the way: beads that lie on
     one line by chance part when they move. A pair is taken if it is the best for both of its tracks together, and for
@@ -157,7 +158,7 @@ def pairs_by_epipolar(
 def bundle_adjusted(
     projections: Sequence[Array], images: ArrayLike, covariances: ArrayLike
 ) -> tuple[list[Array], Array]:
-    """Adjust the poses of all views but the first to the beads that they show (bundle adjustment).
+    """Adjust camera poses by bundle adjustment, keeping the first view.
 
     The places of the beads are eliminated: for each trial of the poses they are triangulated anew.
 
@@ -217,7 +218,9 @@ def bundle_adjusted(
 
 
 def linked(images: Sequence[Array], largest_step: float, *, memory: int = 3) -> Array:
-    """Link the spots of one view from frame to frame, so that the ways are shortest in sum.
+    """Link spots of one view from frame to frame.
+
+    Links have the least total distance.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ _SETTLED = 1e-3  # px
 
 @dataclass(frozen=True, kw_only=True)
 class BeadLook:
-    """Look of a bead in a view, in the attenuation image.
+    """Look of a bead in a view's attenuation image.
 
     Minus the logarithm of the grey value.
 
@@ -53,7 +53,7 @@ class BeadLook:
 
 
 def attenuation(grey: Array) -> Array:
-    """Return minus the logarithm of an image, where what lies behind each other adds up; black counts as 0.5."""
+    """Return minus the logarithm of an image, with black as 0.5."""
     return np.asarray(-np.log(np.maximum(grey, 0.5)))
 
 
@@ -103,18 +103,18 @@ def measure_beads(image: Array, expected: Array, look: BeadLook) -> tuple[Array,
 
 
 def _usual(height: Array, scatter: Array, look: BeadLook) -> NDArray[np.bool_]:
-    """Return which heights are those of one bead, with room for the noise."""
+    """Return which heights fit a single bead."""
     room = 0.4 * look.height + 1.5 * scatter
     return np.asarray(np.abs(height - look.height) < room)
 
 
 def _unlike(scatter: Any, look: BeadLook) -> Array:
-    """Return by how much more a fit is uncertain that leaves over more than noise, such as a blade's edge."""
+    """Return the factor of a fit's uncertainty for residuals beyond noise."""
     return np.asarray(np.maximum(1.0, (scatter / (_ROUGH * look.noise)) ** 2))
 
 
 def _fit_heap(image: Array, expected: Array, look: BeadLook) -> tuple[Array, Array] | None:
-    """Fit beads that hide behind each other together, each with the usual width; None where the image is another.
+    """Fit overlapping beads together with the usual width, or return None.
 
     The covariance of each contains what the others and the background leave open; of two in one place it is large.
     """
@@ -175,7 +175,7 @@ class _Window(NamedTuple):
 
 
 def _heap(p: Array, window: _Window, sigma: float) -> tuple[Array, Array]:
-    """Return what the parameters of n beads and their background leave over, and its slope by these."""
+    """Return residuals and Jacobian of n overlapping beads."""
     x, y, values, background = window
     n = (len(p) - background.shape[1]) // 3
     u, v = x[:, None] - p[:n], y[:, None] - p[n : 2 * n]
@@ -198,13 +198,13 @@ _WORTH = 0.3  # px: a look nearer than that to the first shows the same
 
 
 def groups_of(rest: Array) -> Indices:
-    """Return for each bead its group: itself and those nearest to it at rest, shape (n, at most 8)."""
+    """Return each bead's group of neighbours at rest, (n, at most 8)."""
     near = cKDTree(rest).query(rest, k=min(_GROUP, len(rest)))[1]
     return np.asarray(near, np.int64).reshape(len(rest), -1)
 
 
 def shared_shifts(image: Array, expected: Array, rest: Array, groups: Indices, look: BeadLook) -> Array:
-    """Find by how much groups of beads are away together from where they are expected.
+    """Find the common shift of each group of beads.
 
     Parameters
     ----------
@@ -262,7 +262,7 @@ def shared_shifts(image: Array, expected: Array, rest: Array, groups: Indices, l
 
 
 def _linear(places: Array, values: Array, wanted: Array) -> Array:
-    """Return values at wanted places along the first two axes by a linear fit; slopes that nothing tells are 0."""
+    """Interpolate over the first two axes; undetermined slopes are 0."""
     mean, middle = values.mean(axis=0), places[:, :2].mean(axis=0)
     x = places[:, :2] - middle
     slope = np.linalg.solve(x.T @ x + _STIFF**2 * np.eye(2), x.T @ (values - mean))
@@ -270,9 +270,10 @@ def _linear(places: Array, values: Array, wanted: Array) -> Array:
 
 
 def roundness(image: Array, look: BeadLook) -> Array:
-    """Return how much each pixel looks like the centre of a bead: 1 for a usual one, about 0 on a blade's edge.
+    """Return how much each pixel looks like a bead's centre.
 
-    It is the lesser of the two curvatures of the smoothed image; along an edge there is none.
+    It is 1 for a usual bead, and about 0 on a blade's edge: the lesser of the two curvatures of the smoothed image;
+    along an edge there is none.
     """
     usual = look.height / (4.0 * look.sigma**2)  # curvature of a bead, smoothed by its own width
     xx, yy, xy = (
@@ -282,7 +283,7 @@ def roundness(image: Array, look: BeadLook) -> Array:
 
 
 def measure_with_neighbours(image: Array, expected: Array, groups: Indices, look: BeadLook) -> tuple[Array, Array]:
-    """Measure beads, and those not seen once more where they are as far off as their neighbours.
+    """Measure beads, and unseen ones again at their neighbours' shift.
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ _UPPER = np.triu_indices(3)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BeadTracks:
-    """Places of beads over time, one row for each bead in each frame in which it was located.
+    """Bead places over time, one row per bead and frame.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ _UNLOADED = 0.05  # share of the largest force below which the beads count as at
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RampLoad:
-    """Load on the tissue at the start and the end of a loading ramp; arrays of shape (2,).
+    """Load at start and end of a loading ramp, shape (2,).
 
     Attributes
     ----------
@@ -184,7 +184,7 @@ class RampLoad:
 
     @classmethod
     def of(cls, ramp: Segment, tip: float, relative_error: float, trace: Trace) -> RampLoad:
-        """Return the load of a ramp whose mean tip [m] was measured (`ModulusEstimate.position`)."""
+        """Return the load of a ramp with measured mean tip [m]."""
         middle, slope = ramp.require("position", "slope", by="RampLoad")
         (position,) = trace.require("position", by="RampLoad")
         ends = [ramp.start, ramp.stop - 1]
@@ -242,7 +242,7 @@ class BeadRises:
 
 
 def bead_rises(tracks: BeadTracks, trace: Trace, moduli: ModulusEstimate) -> BeadRises:
-    """Find the displacement of every bead during every steady loading ramp of a cut.
+    """Find each bead's displacement during every steady loading ramp.
 
     Over a ramp the blade advances steadily, and force and beads follow. A line of the bead's places against the
     blade's position gives the displacement from start to end; many frames make it much more accurate than two.
@@ -315,7 +315,7 @@ def bead_rises(tracks: BeadTracks, trace: Trace, moduli: ModulusEstimate) -> Bea
 
 
 def _check_covariance(tracks: BeadTracks) -> None:
-    """Raise for a covariance that is none, or of a place known no better than to a metre."""
+    """Raise for an invalid covariance, or one above a square metre."""
     uncertain = np.linalg.eigvalsh(tracks.covariance)  # ascending
     bad = (uncertain[:, 0] < -1e-9 * np.abs(uncertain[:, -1])) | (uncertain[:, -1] > 1.0)
     if bad.any():
@@ -327,13 +327,13 @@ def _check_covariance(tracks: BeadTracks) -> None:
 
 
 def _unloaded_until(trace: Trace) -> float:
-    """Return the time at which the force first exceeds a small share of its largest value [s]."""
+    """Return the time of the first notable force [s]."""
     force = trace.force - np.median(trace.force[: max(1, len(trace) // 200)])
     return float(trace.time[int(np.argmax(force > _UNLOADED * force.max()))])
 
 
 def _along_the_ramp(blade: Array, place: Array, covariance: Array, travel: float) -> tuple[Array, Array]:
-    """Return displacement over the blade's ``travel`` [m] and its covariance: of a line through places (n, 3) [m].
+    """Return displacement over ``travel`` [m] and covariance by a line fit.
 
     The stated covariance is enlarged along each axis on which the places scatter more than it says.
     """
@@ -405,7 +405,7 @@ class SpecimenFrame:
         return cls(origin=origin, axes=np.stack([x, y, z]))
 
     def register(self, tracks: BeadTracks) -> BeadTracks:
-        """Return tracks of the calibration's frame in the specimen's frame, covariances turned along."""
+        """Return tracks transformed from the calibration's into the specimen's frame."""
         return BeadTracks(
             bead=tracks.bead,
             time=tracks.time,
@@ -418,7 +418,7 @@ class SpecimenFrame:
 def clock_lag(
     frame_time: ArrayLike, motion: ArrayLike, record_time: ArrayLike, force: ArrayLike, largest: float = 2.0
 ) -> tuple[float, float]:
-    """Find how far the force record's clock is ahead of the video's: where motion and force rise and fall together.
+    """Find the clock lag between video and force record.
 
     Parameters
     ----------

@@ -68,7 +68,7 @@ class BeadFilter:
         return self.predicted + self.offset
 
     def begin(self, predicted: Array) -> None:
-        """Begin a frame, for which the model predicts these places: no view has shown anything yet."""
+        """Begin a frame with the places that the model predicts."""
         n = len(self.rest)
         self.predicted = predicted
         self._before = self.offset.copy(), self.variance.copy()
@@ -144,7 +144,7 @@ class BeadFilter:
         self.offset[rows], self.variance[rows] = self._before[0][rows], self._before[1][rows]
 
     def follow(self, seen: NDArray[np.bool_]) -> None:
-        """Move what views (``seen``, of shape (views, n)) did not show as the neighbours moved in this frame.
+        """Move beads not ``seen``, (views, n), with their neighbours.
 
         A bead that one view shows is known across its rays; along them it goes as its neighbours do.
         """
@@ -216,7 +216,7 @@ def find_beads(image: ArrayLike, view: CArmView, diameter: float, *, least_snr: 
 
 
 def bead_look(image: ArrayLike, view: CArmView, diameter: float) -> BeadLook:
-    """Return how a bead usually looks in a view, from those of one frame that stand alone."""
+    """Return the usual look of isolated beads in a frame."""
     grey = view.checked(image)
     spots = locate_spots(-attenuation(grey), diameter, dark=True, least_snr=4.0)
     if len(spots) < 5:
@@ -349,7 +349,7 @@ def track_beads(
 
 
 def _at_rest(rest: ArrayLike, rest_covariance: ArrayLike) -> tuple[Indices, BeadFilter]:
-    """Return the numbers of the beads that have a place, and their filter."""
+    """Return numbers and filter of the beads with places."""
     place, covariance = np.asarray(rest, float), np.asarray(rest_covariance, float)
     if place.ndim != 2 or place.shape[1] != 3 or covariance.shape != (len(place), 3, 3):
         raise ValueError(f"rest has shape {place.shape}, its covariance {covariance.shape}: give (n, 3), (n, 3, 3).")
@@ -376,7 +376,7 @@ def _checked_times(time: ArrayLike, calibration: CArmCalibration) -> Array:
 def _measured(
     state: BeadFilter, calibration: CArmCalibration, greys: Sequence[Array], looks: Sequence[BeadLook]
 ) -> NDArray[np.bool_]:
-    """Take in all views; return which beads each one showed, shape (views, n)."""
+    """Take in all views; return seen beads, shape (views, n)."""
     views = calibration.views
     images = [attenuation(grey) for grey in greys]
     _jump(state, views, images, looks)
@@ -410,7 +410,7 @@ def _seen(view: CArmView, places: Array) -> Array:
 
 
 def _jump(state: BeadFilter, views: Sequence[CArmView], images: Sequence[Array], looks: Sequence[BeadLook]) -> None:
-    """Move the beads as their groups have jumped since the last frame."""
+    """Move beads by their groups' jump since the last frame."""
     shifts, slopes = [], []
     for view, image, look in zip(views, images, looks, strict=True):
         expected = _seen(view, state.place)

@@ -42,7 +42,7 @@ class UnusableFrame(Exception):
 
 
 class Line(NamedTuple):
-    """Line ``a + b t`` over the other axis of a patch [px], with the standard errors of a fit through an edge's points.
+    """Line ``a + b t`` fitted to an edge [px].
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class Line(NamedTuple):
 
 
 class EdgePatch(NamedTuple):
-    """Piece of an image in which an edge runs across the columns.
+    """Piece of an image with an edge across its columns.
 
     Attributes
     ----------
@@ -89,17 +89,17 @@ class EdgePatch(NamedTuple):
 
 
 def smooth_slopes(values: Array, sigma: float) -> Array:
-    """Return the derivative along the rows' index, smoothed by a Gaussian of ``sigma`` samples."""
+    """Return the derivative along rows, Gaussian-smoothed by ``sigma`` samples."""
     return np.asarray(cv2.GaussianBlur(np.gradient(values, axis=0), (1, 0), sigmaX=1e-6, sigmaY=sigma))
 
 
 def _median(values: Array) -> float:
-    """Return the upper median; for some hundred values NumPy's takes ten times as long."""
+    """Return the upper median, ten times as fast as NumPy's."""
     return float(np.sort(values)[len(values) // 2])
 
 
 def _weighted_line(t: Array, s: Array, weight: Array) -> tuple[float, float]:
-    """Return slope and height of the line of weighted least squares; NumPy's polyfit takes ten times as long."""
+    """Return slope and height by weighted least squares, faster than polyfit."""
     share = weight / weight.sum()
     middle, height = float(share @ t), float(share @ s)
     from_middle = share * (t - middle)
@@ -108,7 +108,7 @@ def _weighted_line(t: Array, s: Array, weight: Array) -> tuple[float, float]:
 
 
 def line_strengths(patch: EdgePatch, near: Array, tilts: Array) -> tuple[Array, Array]:
-    """Return the mean slope along every line a + b t of some tilts b, shape (tilts, places), and the places a."""
+    """Return mean slopes along lines a + b t, (tilts, places), and places."""
     slopes, _, first, step, t = patch
     places: Array = np.asarray(first + step * np.arange(len(slopes)), np.float64)
     rows = np.flatnonzero((places >= near[0]) & (places <= near[1]))
@@ -121,14 +121,14 @@ def line_strengths(patch: EdgePatch, near: Array, tilts: Array) -> tuple[Array, 
 
 
 def strongest_line(patch: EdgePatch, near: Array, tilts: Array) -> Line:
-    """Return the line along which the slopes are steepest on the mean."""
+    """Return the line with the steepest mean slope."""
     strength, places = line_strengths(patch, near, tilts)
     k, row = np.unravel_index(int(np.argmax(strength)), strength.shape)
     return Line(float(places[row]), float(tilts[k]))
 
 
 def fitted_line(patch: EdgePatch, near: Line, name: str) -> Line:
-    """Fit a line to the steepest points near a known one, to sub-pixels; outliers are left out.
+    """Fit a line to an edge near a known one, without outliers.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ TAGS = 50
 
 @dataclass(frozen=True, kw_only=True)
 class MarkedBlade:
-    """Blade with a black strip across it, or with an ArUco tag.
+    """Blade with a transverse black strip or an ArUco tag.
 
     Parameters
     ----------
@@ -252,9 +252,10 @@ class Neighbourhood(NamedTuple):
 
 
 def find_mark(image: GreyImage, blade: MarkedBlade, near: Neighbourhood | None = None) -> tuple[Array, Array, float]:
-    """Find the mark: its centre, shape (2,), direction down the blade, shape (2,), and the blade's width there [px].
+    """Find the mark's centre, direction and blade width [px].
 
-    It is looked for in the neighbourhood first, where it was in the frame before, say, and then in the whole image.
+    Centre and direction, which points down the blade, have shape (2,). The mark is looked for in the neighbourhood
+    first, where it was in the frame before, say, and then in the whole image.
 
     Raises
     ------
@@ -272,7 +273,10 @@ def find_mark(image: GreyImage, blade: MarkedBlade, near: Neighbourhood | None =
 
 
 def _tags(image: GreyImage, number: int | None, enlarged: int) -> list[Array]:
-    """Return the corners, shape (4, 2) [px], of every tag of this number, from its upper left one clockwise."""
+    """Return corners, shape (4, 2) [px], of every tag of this number.
+
+    Clockwise from the upper left corner.
+    """
     if enlarged > 1:
         image = np.asarray(cv2.resize(image, None, fx=enlarged, fy=enlarged, interpolation=cv2.INTER_CUBIC), np.uint8)
     corners, numbers, _ = _tag_detector().detectMarkers(image)
@@ -321,7 +325,7 @@ def _find_strip(image: GreyImage, blade: MarkedBlade) -> tuple[Array, Array, flo
 def _candidates(
     smooth: GreyImage, contour: NDArray[np.int32], blade: MarkedBlade
 ) -> list[tuple[float, Array, Array, float]]:
-    """Return contrast, centre, direction and width of a dark contour if it can be the strip."""
+    """Return contrast, centre, direction and width of possible strips."""
     (x, y), sides, turn = cv2.minAreaRect(contour)
     if min(sides) < 3.0 or cv2.contourArea(contour) < 0.6 * sides[0] * sides[1]:
         return []
@@ -358,7 +362,7 @@ def _grey(image: GreyImage, x: float, y: float) -> float:
 
 
 def _sampled(image: GreyImage, points: Array) -> Array:
-    """Return grey values at points, shape (..., 2); none if one is outside."""
+    """Return grey values at points, shape (..., 2); empty if outside."""
     u, v = np.rint(points.T).astype(int)
     if u.min() < 0 or v.min() < 0 or u.max() >= image.shape[1] or v.max() >= image.shape[0]:
         return np.empty(0)

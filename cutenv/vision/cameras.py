@@ -66,12 +66,12 @@ class Camera:
         in_range("residual", self.residual, 0.0, 1e3, "px")
 
     def ideal(self, pixels: Array) -> Array:
-        """Return the directions of pixels, shape (n, 2): x/z and y/z in the camera's frame, the distortion removed."""
+        """Return undistorted directions x/z and y/z of pixels, shape (n, 2)."""
         found = cv2.undistortPoints(np.asarray(pixels, np.float64).reshape(-1, 1, 2), self.matrix, self.distortion)
         return np.asarray(found, np.float64).reshape(-1, 2)
 
     def pixels(self, points: Array) -> Array:
-        """Return the pixels, shape (n, 2), of points in the camera's frame, shape (n, 3) [m]."""
+        """Project points in the camera's frame [m], shape (n, 3), to pixels."""
         k1, k2, p1, p2, k3 = (
             self.distortion
         )  # by hand: OpenCV's projectPoints, with its derivatives, is ten times slower
@@ -108,7 +108,7 @@ class Pose:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CalibratedCameras:
-    """Calibration of the camera, or of the pair, that films a cut.
+    """Calibration of the camera or stereo pair for a cut.
 
     Parameters
     ----------
@@ -145,12 +145,12 @@ class CalibratedCameras:
 
     @property
     def frame_size(self) -> tuple[int, int]:
-        """Width and height [px] of a frame of the video; two images stand side by side in it."""
+        """Width and height of a video frame, both images included [px]."""
         return sum(each.width for each in self.cameras), self.cameras[0].height
 
     @functools.cached_property
     def rectified(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-        """Rotation (3, 3) and projection (3, 4) of either camera of a pair that make its rows correspond."""
+        """Rectifying rotation (3, 3) and projection (3, 4) of each camera."""
         left, right = self.cameras
         assert self.second is not None
         size, turn, shift = (left.width, left.height), self.second.rotation, self.second.translation.reshape(3, 1)
@@ -205,7 +205,7 @@ def angle_between(one: Array, other: Array) -> float:
 
 
 def _shaped(owner: object, name: str, shape: tuple[int, ...], largest: float) -> None:
-    """Make a field an array of float64, read-only; raise if its shape or a value is wrong."""
+    """Convert a field to read-only float64, checking shape and values."""
     values = array_in_range(name, getattr(owner, name), -largest, largest, "1").copy()
     if values.shape != shape:
         raise ValueError(f"{name} has shape {values.shape}; it must be {shape}.")
@@ -262,7 +262,7 @@ class CalibrationBoard:
 
     @classmethod
     def parse(cls, points: str, spacing: float, kind: str = "chessboard", tag: float | None = None) -> CalibrationBoard:
-        """Return the board of a text such as ``9x6`` (columns and rows of points) and its lengths [m]."""
+        """Return the board of a text such as ``9x6``, lengths [m]."""
         found = re.fullmatch(r"(\d{1,3})x(\d{1,3})", points.strip())
         if found is None:
             raise ValueError(f"--board {points!r} is not columns x rows of its inner corners or circles; write 9x6.")
@@ -270,7 +270,7 @@ class CalibrationBoard:
 
     @property
     def points(self) -> Array:
-        """Places of its points on it, shape (n, 3) [m], row by row."""
+        """Points of the board, row by row [m], shape (n, 3)."""
         row, column = np.mgrid[: self.rows, : self.columns]
         return self.spacing * np.stack([column.ravel(), row.ravel(), 0 * row.ravel()], axis=1).astype(np.float64)
 
@@ -325,7 +325,7 @@ def read_image(path: Path | str) -> GreyImage:
 
 
 def halves(image: GreyImage) -> tuple[GreyImage, GreyImage]:
-    """Return the left and the right image of a pair that stands side by side."""
+    """Return the left and right image of a side-by-side pair."""
     middle = image.shape[1] // 2
     return np.ascontiguousarray(image[:, :middle]), np.ascontiguousarray(image[:, middle : 2 * middle])
 

@@ -1,4 +1,4 @@
-"""Depth of cut over a record, and the crack's runs, from a film.
+"""Depth of cut and crack runs from a film.
 
 The film is aligned with the record by the blade's motion, and its depths are put into it.
 
@@ -48,7 +48,7 @@ _JUMP_SD, _JUMP = 5.0, 0.7e-3  # from the neighbours' line on which a frame is l
 
 @dataclass(frozen=True, kw_only=True)
 class FilmAlignment:
-    """Position of a film in time and place on a record.
+    """Alignment of a film with a record in time and place.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ class FilmedDepth:
         return dict(Counter(frame.reason for frame in self.frames if frame.blade is None).most_common())
 
     def onto(self, trace: Trace) -> Trace:
-        """Return the record with the vertical depth, interpolated in time, and what is known of it in the metadata."""
+        """Return the record with interpolated vertical depth and its metadata."""
         depth = np.clip(np.interp(trace.time, self.time, self.vertical), 0.0, 0.1)
         about = {
             "frames": len(self.frames), "left_out": self.left_out, "lag_s": self.alignment.lag,
@@ -114,7 +114,7 @@ class FilmedDepth:
 def filmed_depth(
     frames: Sequence[DepthFrame], trace: Trace, blade: MarkedBlade, *, travel: str = "right"
 ) -> FilmedDepth:
-    """Align measured frames with the record of the same cut, and return the depth of cut.
+    """Align filmed frames with a record; return the depth of cut.
 
     Parameters
     ----------
@@ -173,7 +173,7 @@ def filmed_depth(
 
 
 def _fits_around(place: Array, depth: Array, sd: Array) -> NDArray[np.bool_]:
-    """Return which frames agree with those nearest in place, forward or back: with the line by Theil and Sen."""
+    """Return which frames agree with a Theil-Sen line of neighbours."""
     order = np.argsort(place, kind="stable")
     x, y = place[order], depth[order]
     agrees = np.ones(len(x), bool)
@@ -189,7 +189,7 @@ def _fits_around(place: Array, depth: Array, sd: Array) -> NDArray[np.bool_]:
 
 
 def _travelled(blades: Sequence[BladeInSpace]) -> tuple[Array, Array]:
-    """Return how far the strip went along the line of its travel, shape (n,) [m], and the line's direction."""
+    """Return the strip's travel [m], shape (n,), and direction."""
     places = np.array([each.strip for each in blades])
     middle = np.median(places, axis=0)
     axis = np.linalg.svd(places - middle, full_matrices=False)[2][0]
@@ -239,7 +239,7 @@ def _aligned(time: Array, blades: Sequence[BladeInSpace], trace: Trace, travel: 
 
 
 def _best_lag(time: Array, along: Array, clock: Array, position: Array) -> tuple[float, float, float]:
-    """Return lag, sign of the motion and misfit of the best of a grid of lags."""
+    """Return lag, motion's sign and misfit of the best grid point."""
     lags = np.arange(clock[0] - time[-1], clock[-1] - time[0] + _GRID, _GRID)
     at = np.interp(time[None, :] + lags[:, None], clock, position)
     at -= np.median(at, axis=1, keepdims=True)
@@ -253,7 +253,7 @@ def _best_lag(time: Array, along: Array, clock: Array, position: Array) -> tuple
 
 
 def _refined(time: Array, along: Array, clock: Array, position: Array, lag: float) -> tuple[float, float, float, float]:
-    """Return lag, its standard error, misfit and scale by Gauss-Newton steps from a lag that is nearly right."""
+    """Refine a lag by Gauss-Newton; return it, error, misfit and scale."""
     speed = np.gradient(position, clock)
     window = max(1, round(0.02 * (len(clock) - 1) / float(clock[-1] - clock[0])))
     speed = np.convolve(speed, np.full(window, 1.0 / window), mode="same")
@@ -273,7 +273,7 @@ def _refined(time: Array, along: Array, clock: Array, position: Array, lag: floa
 
 
 def _other_cut(time: Array, along: Array, clock: Array, position: Array, misfit: float) -> str:
-    """Return the message for a film whose motion is not that of the record."""
+    """Return the message for a film of another cut."""
     for factor in _OTHER_RATES:
         if _best_lag(time * factor, along, clock, position)[2] < 0.5 * _LARGEST_MISFIT:
             return (
@@ -349,7 +349,7 @@ class RunsAndDrops:
 
     @property
     def f1(self) -> float:
-        """Twice the pairs over runs and drops [1]: 1 if each run is a drop and each drop a run; nan without either."""
+        """F1 score of matched runs and drops [1]; nan without either."""
         count = len(self.runs) + len(self.drops)
         return 2.0 * len(self.pairs) / count if count else math.nan
 
@@ -401,7 +401,7 @@ def seen_runs(frames: Iterable[VideoFrame], filmed: FilmedDepth, trace: Trace, w
 
 
 def _runs_of(steps: list[tuple[float, float, float]]) -> tuple[SeenRun, ...]:
-    """Return the runs among steps of the tissue: begin and end [s], and how far it went on [m]."""
+    """Return the tissue's runs: begin, end [s] and distance [m]."""
     if len(steps) <= 2 * _PACE_STEPS:
         return ()
     begins, ends, went = np.array(steps).T
@@ -419,7 +419,7 @@ def _runs_of(steps: list[tuple[float, float, float]]) -> tuple[SeenRun, ...]:
 
 
 def _tissue_step(before: _Seen, after: _Seen, per_m: Array) -> float | None:
-    """Return the median step of the tissue beside the blade along the travel [m]; None if too little of it is seen."""
+    """Return the tissue's median step along the travel [m], or None."""
     scale = float(np.hypot(*per_m))
     reach = scale * np.array([_AHEAD, _BESIDE])
     axes = [np.arange(-far, far + 1.0, _POINT_SPACING) for far in reach]
@@ -438,7 +438,10 @@ def _tissue_step(before: _Seen, after: _Seen, per_m: Array) -> float | None:
 
 
 def _beside(points: NDArray[np.float32], seen: _Seen) -> NDArray[np.bool_]:
-    """Return which points, shape (n, 2) [px], are in the image, and neither on the blade nor on its mirror image."""
+    """Return which points [px], shape (n, 2), show tissue.
+
+    Neither the blade nor its mirror image is tissue.
+    """
     view, border = seen.view, 0.5 * _WINDOW
     far = 0.5 * float(np.hypot(*(view.surface_line[1] - view.surface_line[0]))) + border
     height, width = seen.image.shape
@@ -451,7 +454,7 @@ def _beside(points: NDArray[np.float32], seen: _Seen) -> NDArray[np.bool_]:
 
 
 def runs_and_drops(runs: tuple[SeenRun, ...], trace: Trace) -> RunsAndDrops:
-    """Match the runs of the crack that a film shows with the sudden drops of the force; the nearest in time first."""
+    """Match filmed crack runs with force drops nearest in time."""
     drops = _drops_of(trace)
     near = sorted(
         (abs(run.time - drop), i, k)
@@ -467,7 +470,7 @@ def runs_and_drops(runs: tuple[SeenRun, ...], trace: Trace) -> RunsAndDrops:
 
 
 def _drops_of(trace: Trace) -> tuple[float, ...]:
-    """Return the times of the sudden drops that end loading segments [s]: when half of each has gone."""
+    """Return mid-times of drops that end loading segments [s]."""
     size = smoothing_readings_of(trace)
     found = []
     for segment in loading_segments(trace):

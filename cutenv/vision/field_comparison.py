@@ -27,7 +27,7 @@ from cutenv.vision.bead_tracks import BeadRises, BeadTracks, RampLoad, bead_rise
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SlabModel:
-    """Finite-element model of one slab, and how deep the cut in it is.
+    """Finite-element model of one slab, with its depth of cut.
 
     Parameters
     ----------
@@ -62,18 +62,21 @@ class SlabModel:
         return self.model.thickness if self.thickness is None else self.thickness
 
     def zoned(self, borders: ArrayLike, moduli: ArrayLike) -> CutModel:
-        """Return the model with a modulus for each zone [Pa], see `zoned_model`; its methods take modulus 1."""
+        """Return a `zoned_model` with a modulus for each zone [Pa].
+
+        Its methods take modulus 1.
+        """
         return zoned_model(self.model, borders, moduli, depth=self.depth.at if self._cut_through else None)
 
     def stiffness(self, zoned: CutModel, tip: Array) -> Array:
-        """Return blade force over displacement of the tip of a zoned model [N/m], of the shape of ``tip`` [m]."""
+        """Return blade force over tip displacement [N/m], shaped like ``tip`` [m]."""
         a = np.clip(tip, 0.0, zoned.length)
         if self._cut_through or zoned.dim == 3:
             return np.asarray(zoned.stiffness(a)) * self._thickness
         return np.asarray(zoned.stiffness(a)) * effective_depth(a, self.depth.at(a), self._thickness)
 
     def rise_by_force(self, zoned: CutModel, points: Array, load: RampLoad) -> Array:
-        """Return the displacement of points from start to end of a ramp [m], shape (n, dim), by the ramp's force."""
+        """Return points' displacement [m], shape (n, dim), by a ramp's force."""
         start, end = (
             zoned.displacement_at(points, self._inside(a), force=f, modulus=1.0, thickness=self._thickness)
             for a, f in zip(load.tip, load.force, strict=True)
@@ -81,7 +84,7 @@ class SlabModel:
         return end - start
 
     def rise_by_displacement(self, zoned: CutModel, points: Array, load: RampLoad) -> Array:
-        """Return the same by the displacement of the tip: only the ratios of the moduli count."""
+        """Return points' displacement by the tip's, for ratios of moduli."""
         start, end = (
             zoned.displacement_at(points, self._inside(a), tip_displacement=u)
             for a, u in zip(load.tip, load.displacement, strict=True)
@@ -92,7 +95,10 @@ class SlabModel:
         return min(max(float(tip), 0.0), self.model.length)
 
     def contains(self, places: Array) -> NDArray[np.bool_]:
-        """Return a mask of places, shape (n, 3) [m], that lie in the model; for plane ones height does not count."""
+        """Return a mask of places [m], shape (n, 3), inside the model.
+
+        Plane models ignore height.
+        """
         nodes, points = self.model.nodes, places[:, : self.model.dim]
         return np.asarray(((points >= nodes.min(axis=0)) & (points <= nodes.max(axis=0))).all(axis=1))
 
@@ -131,7 +137,7 @@ class ImageModuli:
 
 @dataclass(frozen=True, kw_only=True)
 class MeanModulus:
-    """Mean modulus of a cut [Pa], its 95 % interval by the scatter of its ramps, and their number."""
+    """Mean modulus of a cut with its 95 % interval [Pa]."""
 
     mean: float
     low: float
@@ -140,7 +146,7 @@ class MeanModulus:
 
     @classmethod
     def of(cls, moduli: ArrayLike) -> MeanModulus:
-        """Return mean and interval of moduli [Pa]; an interval needs two, and is (0, inf) for one."""
+        """Return mean and interval of moduli [Pa], (0, inf) for one."""
         E = np.asarray(moduli, dtype=np.float64)
         mean = float(E.mean())
         if len(E) < 2:
@@ -174,7 +180,7 @@ class FilmedMeasurement:
 
     @property
     def by_force(self) -> Array:
-        """Modulus of the material at each ramp, from force and motion of the blade [Pa], shape (n_ramps,).
+        """Material modulus at each ramp by blade force [Pa], shape (n_ramps,).
 
         That is the LEM over its loading ratio, and in a slab that is not cut through over the effect of the rest.
         """
@@ -182,7 +188,7 @@ class FilmedMeasurement:
         return np.asarray(stiffness / self.slab.stiffness(self.slab.zoned([], [1.0]), self.tips))
 
     def by_image(self) -> ImageModuli:
-        """Return the modulus at each ramp, from force and motion of the beads and the place of the tip.
+        """Return the modulus at each ramp by beads and force.
 
         Generalised least squares: the displacement by the ramp's force at unit modulus, over the modulus. Ramps with
         the tip within 1 cm of the clamp, with fewer than 3 beads, or whose beads do not clearly move, are left out.
@@ -215,7 +221,7 @@ class FilmedMeasurement:
 
 
 def weights_of(rises: BeadRises, dim: int) -> Array:
-    """Return the inverse covariance of each row, shape (n, dim, dim) [1/m2], with the model's own error.
+    """Return inverse covariances with model error [1/m2], (n, dim, dim).
 
     A mesh is wrong by a few per cent of a displacement, most next to the blade: 3 % of the row's are added, so that
     many frames of a bead there do not outweigh all others.
@@ -226,9 +232,9 @@ def weights_of(rises: BeadRises, dim: int) -> Array:
 
 
 def zones_as_measured(moduli: ModulusEstimate) -> tuple[Array, Array]:
-    """Return borders [m] and moduli [Pa] of zones, one for each loading segment, as the thesis partitioned its model.
+    """Return zones' borders [m] and moduli [Pa], one per loading segment.
 
-    Segments of nearly one place, closer than 1 mm, make one zone.
+    The thesis partitioned its model so. Segments of nearly one place, closer than 1 mm, make one zone.
     """
     order = np.argsort(moduli.position)
     place, modulus = moduli.position[order], moduli.modulus[order]
@@ -338,7 +344,7 @@ class FieldComparison:
 
     @property
     def near(self) -> NDArray[np.bool_]:
-        """Mask of the rows whose bead lies within :data:`NEAR` of the cut line."""
+        """Mask of rows with beads within :data:`NEAR` of the line."""
         return np.asarray(np.abs(self.rises.place[:, 0]) <= NEAR)
 
     @property
@@ -347,7 +353,7 @@ class FieldComparison:
         return ~self.near
 
     def rms(self, rows: NDArray[np.bool_] | None = None) -> float:
-        """Return the root mean square of the difference as a vector [m], of all rows or some; nan for none."""
+        """Return the root mean square vector difference [m], nan without rows."""
         difference = (self.computed - self.measured)[slice(None) if rows is None else rows]
         return float(np.sqrt((difference**2).sum(axis=1).mean())) if len(difference) else float("nan")
 
@@ -359,19 +365,19 @@ class FieldComparison:
 
     @property
     def slope(self) -> float:
-        """Slope of the line through the origin of measured against computed displacement [1], all components."""
+        """Slope of measured over computed displacement through the origin [1]."""
         squares = float((self.computed**2).sum())
         return float((self.computed * self.measured).sum()) / squares if squares > 0.0 else float("nan")
 
     @property
     def correlation(self) -> float:
-        """Correlation of measured and computed displacement [1], all components; 0 if nothing moved."""
+        """Correlation of measured and computed displacement [1], 0 without motion."""
         if np.ptp(self.computed) == 0.0 or np.ptp(self.measured) == 0.0:
             return 0.0
         return float(np.corrcoef(self.computed.ravel(), self.measured.ravel())[0, 1])
 
     def table(self, ramp: int | None = None) -> list[BeadRow]:
-        """Return the rows bead by bead, of one ramp (as the thesis's Table 7.1) or as means over all."""
+        """Return rows by bead, of one ramp or averaged (thesis, Table 7.1)."""
         rows = []
         for bead in np.unique(self.rises.bead):
             own = self.rises.bead == bead
@@ -396,7 +402,7 @@ class FieldComparison:
 
 
 def compare_field(measured: FilmedMeasurement, borders: ArrayLike = (), moduli: ArrayLike = (1.0,)) -> FieldComparison:
-    """Compare the beads of a measured cut with the model, driven by the displacement of the tip.
+    """Compare beads with the model, driven by the tip's displacement.
 
     Parameters
     ----------
@@ -430,7 +436,7 @@ def compare_displacements(
     thickness: float | None = None,
     zones: tuple[ArrayLike, ArrayLike] = ((), (1.0,)),
 ) -> FieldComparison:
-    """Compare the displacements of beads with those of the model, ramp by ramp: the thesis's Table 7.1 for any tracks.
+    """Compare bead displacements with the model's by ramp (thesis, Table 7.1).
 
     Parameters
     ----------
@@ -499,9 +505,9 @@ class ZoneModuli:
 
 
 def even_borders(measured: FilmedMeasurement, zones: int) -> Array:
-    """Return borders of about equally long zones up to the last tip [m], on edges of the model's elements.
+    """Return borders of equal zones up to the last tip [m].
 
-    The last zone reaches on to the free end.
+    Borders are on edges of the model's elements. The last zone reaches on to the free end.
 
     Raises
     ------
@@ -526,7 +532,7 @@ def estimate_zone_moduli(
     prior_sd: float = PRIOR_SD,
     data: Literal["both", "beads", "force"] = "both",
 ) -> ZoneModuli:
-    """Estimate the moduli of zones from the displacements of beads and the stiffness at the blade together.
+    """Estimate moduli of zones from bead displacements and blade stiffness.
 
     Least squares for the logarithms of the moduli: every bead's displacement in every ramp against that by the ramp's
     force, every ramp's force over displacement against that of the model, and a prior. All zones count for every ramp,
@@ -595,7 +601,7 @@ def estimate_zone_moduli(
 
 
 class _Residuals:
-    """Difference of data and model in standard deviations, as a function of the moduli [Pa]."""
+    """Residuals in standard deviations as a function of the moduli [Pa]."""
 
     def __init__(self, measured: FilmedMeasurement, borders: Array, data: str) -> None:
         self.slab, self.rises, self.borders = measured.slab, measured.rises, borders
@@ -621,7 +627,7 @@ class _Residuals:
 
 
 def _unknown(information: Array, learned: Array, borders: Array, length: float) -> tuple[str, ...]:
-    """Return what the data cannot tell, in words: single zones, then combinations of zones that are told together."""
+    """Return in words the zones that the data cannot determine."""
     edges = np.concatenate(([0.0], borders, [length]))
     names = [f"zone {i + 1} ({100 * a:.1f} to {100 * b:.1f} cm)" for i, (a, b) in enumerate(pairwise(edges))]
     said = []

@@ -25,7 +25,7 @@ _SHORT = 0.98  # share of the announced frames below which a file has ended earl
 
 
 class VideoFrame(NamedTuple):
-    """One frame: its number from 0, its time [s] on the video's clock, and its grey values, shape (height, width)."""
+    """Video frame: number, time [s], grey values (height, width)."""
 
     number: int
     time: float
@@ -52,7 +52,7 @@ def video_facts(path: Path | str) -> VideoFacts:
 def video_frames(
     path: Path | str, *, size: tuple[int, int] | None = None, rate: float | None = None
 ) -> Iterator[VideoFrame]:
-    """Read a video frame by frame, as a player shows it: what was trimmed away is left out, and frames are turned.
+    """Read a video frame by frame, trimmed and turned as shown.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def _facts(path: Path | str, container: av.container.InputContainer) -> VideoFac
 
 
 def _turned(image: NDArray[np.uint8], frame: av.VideoFrame) -> NDArray[np.uint8]:
-    """Return an image as it is to be shown, by quarter turns and mirrors of the frame's display matrix."""
+    """Return an image turned and mirrored by the frame's display matrix."""
     beside: Any = frame.side_data  # a mapping, but PyAV's stubs are of another opinion
     if "DISPLAYMATRIX" not in beside:
         return image
@@ -148,7 +148,7 @@ class CameraDriver(Protocol):
         ...
 
     def read(self) -> tuple[float, GreyImage] | None:
-        """Wait for the next frame; return its time [s] on the monotonic clock and its grey values, None at the end."""
+        """Return the next frame's monotonic time [s] and grey values, or None."""
         ...
 
     def close(self) -> None:
@@ -186,7 +186,7 @@ class OpencvCamera:
 
 
 class PlayedFilm:
-    """Video file that is played once, at its own speed, as if it were a camera."""
+    """Video file played once at its own speed as a camera."""
 
     def __init__(self, path: str) -> None:
         self._path = path
@@ -208,17 +208,17 @@ class PlayedFilm:
 
 
 def camera_of(source: str) -> CameraDriver:
-    """Return the camera of this number or address, or the film of this name in its place."""
+    """Return the camera of a number or address, or a film."""
     return PlayedFilm(source) if Path(source).is_file() else OpencvCamera(source)
 
 
 def mounted_camera(mounting: Any) -> CameraDriver:
-    """Camera that OpenCV reads, by its number or the address of a stream, or a film in its place."""
+    """Camera by number or stream address (OpenCV), or a film."""
     return camera_of(mounting.settings.source)
 
 
 def newest_frames(camera: CameraDriver, size: tuple[int, int]) -> Iterator[VideoFrame]:
-    """Yield the newest frame of an open camera, again and again.
+    """Yield the newest frame of an open camera repeatedly.
 
     Frames that nobody waits for are lost.
 

@@ -80,13 +80,13 @@ class Distortion:
             raise ValueError("coefficients, centre and scale of a distortion are finite numbers, the scale above 0.")
 
     def undistort(self, points: ArrayLike) -> Array:
-        """Return where points of the image would be without distortion, shape (n, 2) [square px]."""
+        """Return undistorted image points, shape (n, 2) [square px]."""
         q = (np.asarray(points, float).reshape(-1, 2) - self.centre) / self.scale
         numbers = np.asarray(self.coefficients)
         return np.asarray(self.centre) + self.scale * _undistorted(self.model, q, numbers)
 
     def error(self, radius: ArrayLike) -> Array:
-        """Return the radial error y over the true radius x [px], as the thesis plots it (Figure 7.4).
+        """Return the radial error over true radius [px] (thesis, Figure 7.4).
 
         For the polynomials in column and row it is the mean over eight directions.
         """
@@ -107,7 +107,7 @@ def _size(model: str) -> int:
 
 
 def _powers(model: str) -> list[tuple[int, int]]:
-    """Return the powers of column and row beyond the linear ones, which are scale, turn and shift of the grid."""
+    """Return the nonlinear powers of column and row."""
     return [(total - row, row) for total in range(2, int(model[-1]) + 1) for row in range(total + 1)]
 
 
@@ -125,7 +125,7 @@ def _undistorted(model: str, q: Array, numbers: Array) -> Array:
 
 
 def _basis(model: str, q: Array) -> Array:
-    """Return the matrix from coefficients to shifts, column and row in turn, shape (2 n, coefficients)."""
+    """Return the matrix from coefficients to shifts, (2 n, coefficients)."""
     if model == "radial_swirl":
         powers = np.hypot(q[:, 0], q[:, 1])[:, None] ** np.arange(1, _SWIRL_POWERS + 1)
         turned = np.stack([-q[:, 1], q[:, 0]], axis=1)
@@ -159,7 +159,7 @@ class FittedDistortion:
 
     @property
     def rms(self) -> float:
-        """Root of the mean squared distance between holes and ideal grid [px]."""
+        """Root mean square distance of holes from the ideal grid [px]."""
         return float(np.sqrt((self.residual**2).sum(axis=1).mean()))
 
 
@@ -214,7 +214,10 @@ def fit_distortion(
 
 
 def _on_grid(grid: Array, cells: Array) -> Array:
-    """Return the ideal places of cells; the grid is (step across, step down, first column, first row)."""
+    """Return cells' ideal places on a grid.
+
+    The grid is (step across, step down, first column, first row).
+    """
     c, s, u, v = grid
     return np.stack([c * cells[:, 0] - s * cells[:, 1] + u, s * cells[:, 0] + c * cells[:, 1] + v], axis=1)
 
@@ -224,7 +227,7 @@ def _residuals(found: Distortion, grid: Array, points: Array, cells: Array) -> A
 
 
 def _grid_rows(cells: Array) -> Array:
-    """Return the matrix from (step across, step down, first column, first row) to ideal places, shape (2 n, 4)."""
+    """Return the matrix from a grid to ideal places, (2 n, 4)."""
     one, none = np.ones(len(cells)), np.zeros(len(cells))
     column = np.stack([cells[:, 0], -cells[:, 1], one, none], axis=1)
     row = np.stack([cells[:, 1], cells[:, 0], none, one], axis=1)
@@ -274,7 +277,7 @@ def _fit(points: Array, cells: Array, model: str) -> tuple[Distortion, Array]:
 
 
 def _minimised(left: Callable[[Array], Array], start: Array) -> Array:
-    """Return the parameters, of order 1 or less, with the least sum of squares."""
+    """Return the least-squares parameters, of order 1 or less."""
 
     def shifted(q: Array) -> Array:
         return left(start + q - 1.0)  # steps of the derivative are shares of q, so it must not begin at 0
@@ -284,7 +287,7 @@ def _minimised(left: Callable[[Array], Array], start: Array) -> Array:
 
 
 def _linear(points: Array, rows: Array, model: str, centre: Array, size: float) -> tuple[Array, Array, Array]:
-    """Return coefficients, grid [px] and what is left over, over the size, for a given centre."""
+    """Return coefficients, grid [px] and scaled residuals for a centre."""
     q = (points - centre) / size
     matrix = np.hstack([rows, -_basis(model, q)])
     solved = np.linalg.lstsq(matrix, q.ravel(), rcond=None)[0]
@@ -297,7 +300,7 @@ def _pair(values: Array) -> tuple[float, float]:
 
 
 def _central_spacing(points: Array, cells: Array, middle: Array) -> float:
-    """Return the spacing of the 21 holes nearest the middle, from a grid fitted to them [px]."""
+    """Return the spacing of the 21 central holes [px]."""
     near = np.argsort(np.hypot(*(points - middle).T))[:21]
     grid = np.linalg.lstsq(_grid_rows(cells[near]), points[near].ravel(), rcond=None)[0]
     return float(np.hypot(grid[0], grid[1]))
@@ -356,11 +359,11 @@ class CArmView:
         object.__setattr__(self, "projection", matrix)
 
     def undistort(self, points: ArrayLike) -> Array:
-        """Return undistorted places of points of a frame, shape (n, 2) [square px]."""
+        """Return undistorted frame points, shape (n, 2) [square px]."""
         return self.distortion.undistort(np.asarray(points, float).reshape(-1, 2) * (self.aspect, 1.0))
 
     def seen(self, ideal: Array) -> Array:
-        """Return the points of a frame [px] at which undistorted places, shape (n, 2) [square px], are seen."""
+        """Return frame points [px] of undistorted places, (n, 2) [square px]."""
         square = ideal.copy()
         for _ in range(_ROUNDS):
             left = ideal - self.distortion.undistort(square)
@@ -370,7 +373,7 @@ class CArmView:
         return np.asarray(square / (self.aspect, 1.0))
 
     def undistorted_with_covariance(self, points: Array, covariance: Array) -> tuple[Array, Array]:
-        """Return undistorted places and their covariances, shapes (n, 2) and (n, 2, 2)."""
+        """Return undistorted places and their covariances, (n, 2) and (n, 2, 2)."""
         step = 0.25
         slope = np.stack(
             [(self.undistort(points + e) - self.undistort(points - e)) / (2.0 * step) for e in step * np.eye(2)], axis=2
@@ -378,7 +381,7 @@ class CArmView:
         return self.undistort(points), slope @ covariance @ slope.transpose(0, 2, 1)
 
     def checked(self, frame: ArrayLike) -> Array:
-        """Return a frame as float64; ValueError if it is none, or of another camera."""
+        """Return a frame as float64; ValueError if invalid or another camera's."""
         grey = checked_image(frame, f"a frame of view {self.name!r}")
         if grey.shape != self.shape:
             raise ValueError(
@@ -416,7 +419,7 @@ def calibrate_view(
     dark: bool | None = None,
     largest_residual: float = LARGEST_GRID_RESIDUAL,
 ) -> tuple[CArmView, FittedDistortion, GridHoles]:
-    """Find the distortion of a view from one image of a calibration grid on its detector.
+    """Find a view's distortion from a calibration grid's image.
 
     Parameters
     ----------
@@ -475,7 +478,7 @@ def calibrate_view(
 
 
 def length_per_pixel(image: ArrayLike, view: CArmView, hole_diameter: float, spacing: float) -> float:
-    """Return the length of one undistorted pixel at a grid plate, for `fit_magnification`.
+    """Return the undistorted pixel size at a plate, for `fit_magnification`.
 
     Parameters
     ----------
@@ -593,7 +596,7 @@ def _view(told: Mapping[str, Any]) -> CArmView:
 
 
 def deinterlaced(frame: ArrayLike, first: str) -> tuple[Array, Array]:
-    """Return the two fields of an interlaced frame in order of time, each with its missing lines interpolated.
+    """Return both fields of an interlaced frame in time order.
 
     Parameters
     ----------
@@ -614,7 +617,7 @@ def deinterlaced(frame: ArrayLike, first: str) -> tuple[Array, Array]:
 
 
 def _field(grey: Array, start: int) -> Array:
-    """Return one field with its missing lines from the four nearest of its own (cubic)."""
+    """Return one field with its missing lines interpolated cubically."""
     lines = grey[start::2]
     padded = np.concatenate([lines[:1], lines[:1], lines, lines[-1:], lines[-1:]])
     between = (9.0 * (padded[1:-1][:-1] + padded[1:-1][1:]) - padded[:-3] - padded[3:]) / 16.0

@@ -81,7 +81,7 @@ class _BladeAxes(NamedTuple):
     per_m: float
 
     def at(self, s: float, t: float) -> Array:
-        """Return the place in the chart of a point s px below and t px right of the origin."""
+        """Return the chart place s px below and t px right."""
         return np.asarray(self.origin + s * self.down + t * self.right)
 
 
@@ -97,7 +97,7 @@ class _Patch(NamedTuple):
     axes: _BladeAxes
 
     def edges(self, columns: Indices, sign: float = 1.0) -> EdgePatch:
-        """Return some columns, in which an edge runs across the blade, brighter below (``sign`` 1) or above it."""
+        """Return columns whose edge is brighter below (``sign`` 1) or above."""
         values = self.values[:, columns]
         slopes = sign * smooth_slopes(values, EDGE_SIGMA / _STEP) / _STEP
         return EdgePatch(slopes, values, self.first, _STEP, np.asarray(columns - self.half, np.float64))
@@ -177,7 +177,7 @@ def _in_chart(axes: _BladeAxes, strip: tuple[Line, Line], surface: Line, sides: 
 
 
 def _cut_out(image: GreyImage, to_pixels: Chart, axes: _BladeAxes, blade: MarkedBlade, *, wide: float) -> _Patch:
-    """Resample the image along the blade, to 15 % beyond its end."""
+    """Resample the image along the blade, to 15 % beyond it."""
     origin, down, right, per_m = axes
     first, last = -_mark_and(blade, 0.75) * per_m, (1.15 * blade.total + 0.002) * per_m
     half = math.ceil(0.5 * wide * blade.width * per_m)
@@ -200,7 +200,7 @@ def _cut_out(image: GreyImage, to_pixels: Chart, axes: _BladeAxes, blade: Marked
 
 
 def _mark_and(blade: MarkedBlade, share: float) -> float:
-    """Return the length from the mark's centre to this share of the blade's width beyond its edge [m]."""
+    """Return the mark's half-length plus a share of blade width [m]."""
     return 0.5 * blade.strip + share * blade.width
 
 
@@ -216,7 +216,7 @@ def _strip_lines(patch: _Patch, blade: MarkedBlade) -> tuple[Line, Line]:
 
 
 def _surface(patch: _Patch, blade: MarkedBlade, start: float | None = None) -> Line:
-    """Return the line at which the bright blade ends and darker tissue begins."""
+    """Return the line between the bright blade and darker tissue."""
     per_m = patch.axes.per_m
     edges = patch.edges(_inner(patch, blade.width * per_m), -1.0)
     low = (0.5 * blade.strip * per_m if start is None else start) + 4.0
@@ -236,7 +236,7 @@ def _surface(patch: _Patch, blade: MarkedBlade, start: float | None = None) -> L
 
 
 def _sides(patch: _Patch, blade: MarkedBlade, surface: Line, *, reach: float) -> tuple[Line, Line]:
-    """Return the blade's left and right side, as lines over the rows."""
+    """Return the blade's left and right side as lines."""
     s: Array = np.asarray(patch.first + _STEP * np.arange(len(patch.values)), np.float64)
     per_m = patch.axes.per_m
     half = 0.5 * blade.width * per_m
@@ -294,7 +294,7 @@ class BladeInSpace(NamedTuple):
 
 
 class DepthFrame(NamedTuple):
-    """One frame: number, time on the video's clock [s], and the blade, or the reason for which it is left out."""
+    """Frame number, time [s], and blade or reason for omission."""
 
     number: int
     time: float
@@ -369,7 +369,7 @@ class BladeCameras:
         return BladeInSpace(strip, surface, exposed, math.sqrt(variance), _in_pixels(views[0], to_pixels))
 
     def measure_all(self, frames: Iterable[VideoFrame]) -> Iterator[DepthFrame]:
-        """Measure frame after frame; those that cannot be measured carry the reason."""
+        """Measure all frames; unusable ones carry the reason."""
         for number, time, image in frames:
             try:
                 yield DepthFrame(number, time, self.measure(image), "")
@@ -391,7 +391,10 @@ class BladeCameras:
 
 
 def _chart(cameras: CalibratedCameras, k: int) -> tuple[Chart, Chart]:
-    """Return the maps of a camera's pixels to its chart and back: rectified pixels of a pair, metres on the plane."""
+    """Return maps between a camera's pixels and its chart.
+
+    The chart is rectified pixels of a pair, or metres on the plane.
+    """
     camera = cameras.cameras[k]
     if cameras.second is not None:
         return _rectified_chart(camera, *cameras.rectified[k])
@@ -427,6 +430,6 @@ def _rectified_chart(camera: Camera, rotation: Array, projection: Array) -> tupl
 
 
 def _in_pixels(view: BladeInView, to_pixels: Chart) -> BladeInView:
-    """Return the points of a view in pixels; covariances stay in the chart."""
+    """Return a view's points in pixels, covariances in the chart."""
     points = to_pixels(np.vstack([view.strip, view.surface, view.strip_ends, view.surface_line]))
     return view._replace(strip=points[0], surface=points[1], strip_ends=points[2:4], surface_line=points[4:])

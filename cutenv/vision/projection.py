@@ -22,7 +22,7 @@ _ROUNDS = 8  # of the triangulation
 def cone_beam_projection(
     source: ArrayLike, detector: ArrayLike, across: ArrayLike, down: ArrayLike, pixel: float
 ) -> Array:
-    """Return the projection matrix of an X-ray view, shape (3, 4): from metres to square pixels.
+    """Return an X-ray projection matrix (3, 4), metres to square pixels.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class CArm:
     principal_point: tuple[float, float]
 
     def projection(self, angle: float) -> Array:
-        """Return the projection matrix of the view at an angle [rad], shape (3, 4).
+        """Return a view's projection matrix (3, 4) at ``angle`` [rad].
 
         0: seen from above, the source below; π/2: seen from +x, the source at -x. The image's columns run along y.
         """
@@ -90,21 +90,21 @@ class CArm:
 
 
 def project(projection: Array, points: ArrayLike) -> Array:
-    """Return the images of points in space, shape (n, 2) [square px]."""
+    """Project points in space to images, shape (n, 2) [square px]."""
     x = np.asarray(points, float).reshape(-1, 3)
     h = x @ projection[:, :3].T + projection[:, 3]
     return np.asarray(h[:, :2] / h[:, 2:])
 
 
 def projection_slope(projection: Array, points: Array) -> Array:
-    """Return the derivative of images by places, shape (n, 2, 3) [px/m]."""
+    """Return the projection's derivative by place, (n, 2, 3) [px/m]."""
     h = points @ projection[:, :3].T + projection[:, 3]
     image = h[:, :2] / h[:, 2:]
     return np.asarray((projection[None, :2, :3] - image[:, :, None] * projection[None, 2:, :3]) / h[:, 2, None, None])
 
 
 def fit_projection(points: ArrayLike, images: ArrayLike) -> tuple[Array, Array]:
-    """Find the projection matrix of a view from known points, by linear and then least-squares fit.
+    """Fit a view's projection matrix to known points.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def _homogeneous(points: Array) -> Array:
 
 
 def _unit(points: Array) -> Array:
-    """Return the matrix that moves points to mean 0 and size 1 (Hartley's normalisation)."""
+    """Return the matrix of Hartley's normalisation."""
     n = points.shape[1]
     scale = 1.0 / max(float(points.std()), 1e-12)
     matrix = np.eye(n + 1) * scale
@@ -163,7 +163,7 @@ def _unit(points: Array) -> Array:
 
 
 def triangulate(projections: Sequence[Array], images: ArrayLike, covariances: ArrayLike) -> tuple[Array, Array, Array]:
-    """Find points in space from their images in several views, by weighted least squares.
+    """Triangulate points from several views by weighted least squares.
 
     Parameters
     ----------
@@ -221,7 +221,7 @@ def triangulate(projections: Sequence[Array], images: ArrayLike, covariances: Ar
 
 
 def epipolar_distance(first: Array, second: Array, in_first: ArrayLike, in_second: ArrayLike) -> Array:
-    """Return how far pairs of images are from belonging to one point [px], shape of the pairs (Sampson's distance).
+    """Return Sampson's distance of image pairs from one point [px].
 
     Parameters
     ----------
@@ -247,7 +247,7 @@ MAGNIFICATION_MODELS = {"linear": 1, "quadratic": 2, "cone_beam": 1}
 
 @dataclass(frozen=True, kw_only=True)
 class Magnification:
-    """Length in the object for one pixel of the image, m(d), at distance d from the detector.
+    """Object length per image pixel at distance d from the detector.
 
     Parameters
     ----------
@@ -281,12 +281,12 @@ class Magnification:
             raise ValueError(f"the magnification {self.model!r} has {needed} finite coefficients.")
 
     def at(self, distance: float) -> float:
-        """Return the length of one pixel at a distance from the detector."""
+        """Return the length per pixel at a distance from the detector."""
         return float(np.polyval(self.coefficients, distance))
 
     @property
     def source_distance(self) -> float:
-        """Distance D of the source from the detector, in the unit of d.
+        """Source's distance D from the detector, in d's unit.
 
         Raises
         ------
@@ -309,7 +309,7 @@ THESIS_MAGNIFICATION = {
 def fit_magnification(
     distance: ArrayLike, length_per_pixel: ArrayLike, model: str = "cone_beam"
 ) -> tuple[Magnification, Array]:
-    """Fit a magnification to images of a ruler or a grid at several distances.
+    """Fit a magnification to images of rulers at several distances.
 
     Parameters
     ----------

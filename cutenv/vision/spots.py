@@ -55,7 +55,7 @@ class Spots:
         return len(self.place)
 
     def where(self, kept: NDArray[np.bool_]) -> Spots:
-        """Return the spots for which a mask of shape (n,) is true."""
+        """Return the spots selected by a mask, shape (n,)."""
         return Spots(
             place=self.place[kept],
             covariance=self.covariance[kept],
@@ -87,10 +87,10 @@ def checked_image(image: ArrayLike, name: str = "image") -> Array:
 
 
 def noise_of(image: Array) -> float:
-    """Return the standard deviation of an image's noise, from its second differences (Immerkær 1996, with the median).
+    """Return an image's noise standard deviation from second differences.
 
-    A slope of the background does not count, and spots count little. It is at least 0.29, the rounding to whole grey
-    values, where the image's values are whole.
+    See Immerkær 1996; here with the median. A slope of the background does not count, and spots count little. It is at
+    least 0.29, the rounding to whole grey values, where the image's values are whole.
     """
     left = ndimage.convolve(image, _LAPLACE)[1:-1, 1:-1] / 6.0
     rounding = 1.0 / math.sqrt(12.0) if np.array_equal(image, np.round(image)) else 0.0
@@ -98,7 +98,9 @@ def noise_of(image: Array) -> float:
 
 
 def locate_spots(image: ArrayLike, diameter: float, *, dark: bool = True, least_snr: float = 5.0) -> Spots:
-    """Find round spots and fit a Gaussian on a sloping background to each.
+    """Find round spots and fit a Gaussian to each.
+
+    The background of the Gaussian slopes linearly.
 
     Parameters
     ----------
@@ -153,7 +155,7 @@ def locate_spots(image: ArrayLike, diameter: float, *, dark: bool = True, least_
 
 
 def fit_spots(grey: Array, start: Array, diameter: float) -> tuple[Spots, NDArray[np.bool_]]:
-    """Fit a Gaussian on a sloping background near each of some places.
+    """Fit a Gaussian on a sloping background near each start.
 
     Parameters
     ----------
@@ -210,7 +212,7 @@ def fit_spots(grey: Array, start: Array, diameter: float) -> tuple[Spots, NDArra
 
 
 def _least_squares(p: Array, values: Array, x: Array, y: Array) -> tuple[Array, Array, Array]:
-    """Fit all windows at once by Levenberg-Marquardt; return parameters, normal matrices and what is left over."""
+    """Fit all windows by Levenberg-Marquardt; return parameters, normal matrices and residuals."""
     damping = np.full(len(p), 1e-3)
     left, slope = _residual(p, values, x, y)
     cost = (left**2).sum(axis=1)
@@ -236,7 +238,7 @@ def _least_squares(p: Array, values: Array, x: Array, y: Array) -> tuple[Array, 
 
 
 def _residual(p: Array, values: Array, x: Array, y: Array) -> tuple[Array, Array]:
-    """Return what the fit leaves over, shape (n, pixels), and the slopes of the fit, shape (n, pixels, 7)."""
+    """Return residuals (n, pixels) and Jacobian (n, pixels, 7)."""
     u, v = x - p[:, :1], y - p[:, 1:2]
     height, sigma = p[:, 2:3], p[:, 3:4]
     bell = np.exp(-0.5 * (u**2 + v**2) / sigma**2)
@@ -258,7 +260,7 @@ def _residual(p: Array, values: Array, x: Array, y: Array) -> tuple[Array, Array
 
 
 def _first_of_each(spots: Spots, width: float) -> NDArray[np.bool_]:
-    """Return a mask without those whose fit ran to the place of a better one."""
+    """Return a mask without fits that reached a better one's place."""
     kept = np.ones(len(spots), bool)
     order = np.argsort(-np.abs(spots.amplitude))
     for rank, one in enumerate(order):
@@ -357,7 +359,7 @@ def locate_grid(image: ArrayLike, diameter: float, *, dark: bool | None = None) 
 
 
 def _indexed(spots: Spots) -> GridHoles:
-    """Give every spot its column and row, from hole to hole; each step is expected where the last one was."""
+    """Index spots by grid column and row, hole by hole."""
     place = spots.place
     index = np.zeros((len(place), 2), np.int64)
     reached = np.zeros(len(place), bool)
@@ -380,7 +382,7 @@ def _indexed(spots: Spots) -> GridHoles:
 
 
 def _first_steps(place: Array, tree: cKDTree, start: int, spacing: float) -> Array | None:
-    """Return the steps to the next column and row, shape (2, 2), or None where a neighbour is missing."""
+    """Return steps to the next column and row, (2, 2), or None."""
     near = [other for other in tree.query_ball_point(place[start], 1.3 * spacing) if other != start]
     steps = place[near] - place[start]
     if len(steps) < 2:
