@@ -1,4 +1,4 @@
-"""People who cut: in a window, in a browser, in a class.
+"""People who cut in a window, a browser or a class.
 
 Law, task and score are those of an agent.
 

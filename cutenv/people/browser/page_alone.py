@@ -76,7 +76,7 @@ _TIPS = 61  # positions of the tip for which the page holds the field; between t
 
 
 def write_page_alone(path: Path, **options: Any) -> int:
-    """Write the page of :func:`page_alone`, as a whole or not at all; return its size [bytes].
+    """Write the page of :func:`page_alone` atomically; return its size [bytes].
 
     Parameters
     ----------
@@ -174,7 +174,7 @@ def page_alone(
 
 
 def page_text(template: str, data: dict[str, Any], **values: Any) -> str:
-    """Return a page that cuts, filled with what it is told, laws, scripts and further values of its template."""
+    """Return a cutting page, filled with data, laws, scripts and template values."""
     filled = {
         "data": json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"),
         "laws": {task: _base64(law_of(task)) for task in data["tasks"]},
@@ -191,7 +191,7 @@ def law_of(task: str) -> bytes:
 
 
 def page_data(tasks: Sequence[str] = ("gentle",), tissue: TissueDescription | None = None) -> dict[str, Any]:
-    """Return what a page of ``tasks`` needs to know, whatever the specimen: layouts, hand, limits, texts; SI units.
+    """Return a page's data on ``tasks`` regardless of specimen, in SI units.
 
     Its specimens are of ``tissue``, by default the measured pig liver.
     """
@@ -231,7 +231,7 @@ def page_data(tasks: Sequence[str] = ("gentle",), tissue: TissueDescription | No
 
 
 def _task_data(task: str, tissue: TissueDescription) -> dict[str, Any]:
-    """Return how a task's law is called: numbers of the hand in a millisecond, records, and sizes of memory [bytes]."""
+    """Return a task's call data: numbers, channels, shared part, memory sizes [bytes]."""
     kind = TASKS[task].hand
     led = kind.led.task
     numbers = len(led.action_names)
@@ -256,11 +256,11 @@ def specimen_data(
     expert: str | None = None,
     tissue: str | Path | None = None,
 ) -> dict[str, Any]:
-    """Return a cut at its start: its key, and the records of its whole state as base64; hidden truth included.
+    """Return a cut at its start: key and state records as base64.
 
-    ``line`` is the kind of line of a cut along one; the key draws it by default.  With ``expert``, one of the
-    :func:`~cutenv.agents.policy.experts`, its way is there, too.  ``tissue`` is the file of another tissue than the
-    measured pig liver.
+    The hidden truth is included. ``line`` is the kind of line of a cut along one; the key draws it by default.  With
+    ``expert``, one of the :func:`~cutenv.agents.policy.experts`, its way is there, too.  ``tissue`` is the file of
+    another tissue than the measured pig liver.
     """
     key: dict[str, Any] = {"specimen_class": specimen_class, "seed": seed, "episode": episode}
     of_task: dict[str, Any] = {} if line is None else {"line": line}
@@ -275,7 +275,7 @@ def specimen_data(
 
 
 def scoring_data() -> dict[str, Any]:
-    """Return the numbers of the overall score, for a page that computes it from the true tip; SI units."""
+    """Return the overall score's numbers for a page, in SI units."""
     return {
         "points": {
             "limits": points.LIMIT_POINTS,
@@ -314,7 +314,7 @@ def scoring_data() -> dict[str, Any]:
 
 
 def shared_part(task: str, slab: StructArray) -> StructArray:
-    """Return the part of a slab, shape (1,), that all cuts of a task share and its law needs."""
+    """Return a slab's part, shape (1,), shared by a task's cuts."""
     part: StructArray = np.zeros(1, TASKS[task].hand.shared)
     if "slab" in (part.dtype.names or ()):
         for name in part["slab"].dtype.names or ():
@@ -323,7 +323,10 @@ def shared_part(task: str, slab: StructArray) -> StructArray:
 
 
 def layout(kind: np.dtype[Any]) -> dict[str, Any]:
-    """Return a structured dtype's size and offsets of fields [bytes], those of parts as "part.field"."""
+    """Return a structured dtype's size and field offsets [bytes].
+
+    Fields of parts are named "part.field".
+    """
     offsets: dict[str, int] = {}
     for name, (field, offset, *_) in (kind.fields or {}).items():
         offsets[name] = offset
@@ -333,7 +336,7 @@ def layout(kind: np.dtype[Any]) -> dict[str, Any]:
 
 
 def _slab_data(tissue: TissueDescription) -> dict[str, Any]:
-    """Return the finite-element field for drawing: places at rest, and displacement by tip for a unit of lag."""
+    """Return the finite-element field for drawing: places, and displacement per lag."""
     model = tissue.cut_model()
     slab = Slab(model, (1, 1))
     tips = np.linspace(0.0, model.length, _TIPS)
@@ -356,7 +359,7 @@ def _base64(content: bytes) -> str:
 
 
 def script_digest(code: str) -> str:
-    """Return the SHA-256 of a script as base64, by which a content security policy allows it."""
+    """Return a script's SHA-256 as base64, for a content security policy."""
     return _base64(hashlib.sha256(code.encode()).digest())
 
 
@@ -365,7 +368,7 @@ _DATE = (2000, 1, 1, 0, 0, 0)  # of every file, so that the same page gives the 
 
 
 def write_scorm_package(path: Path, *, pass_mark: float | None = None, **options: Any) -> int:
-    """Write a SCORM 1.2 package of the page, as a whole or not at all; return its size [bytes].
+    """Write a SCORM 1.2 package of the page atomically; return size [bytes].
 
     Parameters
     ----------

@@ -58,7 +58,7 @@ def lead_along(cut: Struct, stylus: Array, hand: LeadingHand, actions: Array) ->
 
 @njit_inline
 def lead_deep(cut: Struct, stylus: Array, hand: LeadingHand, actions: Array) -> None:
-    """Fill an action with that of a hand along the cut, which brings the blade to a level above the start [m]."""
+    """Fill an action with the hand's, including the blade's level [m]."""
     lead_along(cut, stylus, hand, actions)
     actions[2] = descent_toward(cut.motions[0].level, hand.start + stylus[2])
 
@@ -78,7 +78,7 @@ def note_level(cut: Struct, across: float, observation: StructArray, channels: A
 
 @njit_inline
 def note_place(cut: Struct, across: float, observation: StructArray, channels: Array, i: int) -> None:
-    """Note place of the blade [m] and lateral force as measured [N]."""
+    """Note the blade's place [m] and measured lateral force [N]."""
     channels[0, i], channels[1, i] = cut.states[0].blade + cut.motions[0].east, cut.motions[0].north
     channels[2, i] = _NEWTONS * float(observation[_LATERAL])
 
@@ -113,7 +113,7 @@ def follow_hand(led: LedTask) -> Callable[..., int]:
         memory: tuple[Array, StructArray, Array],
         filled: tuple[StructArray, Array, Array],
     ) -> int:
-        """Advance one cut by a millisecond for each place of a person's hand, until it ends; return their number.
+        """Advance one cut a millisecond per stylus row; return their number.
 
         Parameters
         ----------
@@ -154,7 +154,7 @@ def follow_hand(led: LedTask) -> Callable[..., int]:
 
 
 class HandCut:
-    """Cut by a person's hand that is given as positions and angles: what the page simulates, in Python.
+    """Cut by a given hand motion, in Python, as the page simulates.
 
     It is the cut of :class:`cutenv.people.play.PlayedCut` with the same key, without its window's needs.
 
@@ -222,7 +222,7 @@ class HandCut:
 
     @property
     def specimen_words(self) -> str:
-        """Class of the specimen, and name of its tissue where that is not the measured pig liver."""
+        """Specimen class, and tissue name unless it is measured pig liver."""
         return self._env.tissue.words(self._env.specimen_class)
 
     @property
@@ -242,17 +242,17 @@ class HandCut:
 
     @property
     def records(self) -> dict[str, StructArray]:
-        """Records of its whole state by name, in the order in which its law takes them, each of shape (1,)."""
+        """State records by name in the law's order, each of shape (1,)."""
         return {"cut": self.cuts, "episode": self.episodes}
 
     @property
     def facts(self) -> dict[str, Any]:
-        """Notes of a record that are known at the start, by key of its metadata: wanted depth or line."""
+        """Record metadata known at the start: wanted depth or line."""
         return {}
 
     @property
     def channels(self) -> Array:
-        """Fields of the trace besides the readings, :attr:`channel_fields`, at every reading so far, shape (k, n)."""
+        """Trace fields of :attr:`channel_fields` at every reading, shape (k, n)."""
         return np.concatenate([np.zeros((len(self.channel_fields), 0)), *self._channels], axis=1)
 
     @property
@@ -262,12 +262,12 @@ class HandCut:
 
     @property
     def measured_depth(self) -> Array:
-        """Depth of cut along the line as measured beforehand, shape (301,) [m]: that of the record."""
+        """Depth of cut measured beforehand along the line [m], shape (301,)."""
         return self._env.plant.depth
 
     @property
     def noted(self) -> dict[str, Any]:
-        """Notes of a record on another task than gentle cutting, by key of its metadata: environment, errors, map."""
+        """Record metadata of tasks other than gentle cutting: environment, errors, map."""
         noted: dict[str, Any] = self.cutting.noted_map
         return noted and {"environment": self.led.task.environment, **noted}
 
@@ -279,7 +279,7 @@ class HandCut:
         return float(self._env.plant.states["tip"][0])
 
     def follow(self, stylus: Any) -> StructArray:
-        """Advance by a millisecond for each row of ``stylus``, until the cut ends; return the readings.
+        """Advance a millisecond per ``stylus`` row until the end; return readings.
 
         Parameters
         ----------
@@ -302,7 +302,7 @@ class HandCut:
         return readings[:done, 0]
 
     def trace(self, readings: StructArray, **metadata: object) -> Trace:
-        """Return all readings of this cut, shape (n,), as a rig would have recorded them.
+        """Return all readings of this cut as a rig's trace, shape (n,).
 
         Raises
         ------
@@ -337,7 +337,7 @@ class HandDepthCut(HandCut):
         return facts
 
     def watching_hand(self) -> ScriptedDevice:
-        """Return a scripted hand that sees the tip and keeps the blade at the wanted depth."""
+        """Return a scripted hand that keeps the wanted depth by the tip."""
         wanted = self.cutting.shown_depth.wanted
         return watching_hand(
             self._tip, self.target_length, level=lambda place: float(depth_below(wanted, place)) - self._start
@@ -371,11 +371,11 @@ class HandPathCut(HandCut):
         return {LINE_KEY: self.cutting.noted_map[LINE_KEY]}
 
     def watching_hand(self) -> ScriptedDevice:
-        """Return a scripted hand that sees the tip and goes along the line."""
+        """Return a scripted hand that follows the line by the tip."""
         return watching_hand(self._tip, self.target_length, line=self.cutting.line)
 
     @property
     def noted(self) -> dict[str, Any]:
-        """Notes of a record on this cut, by key of its metadata: environment, kind of line, errors, line, cut."""
+        """Record metadata of this cut: environment, kind of line, errors, map."""
         line = kind_of(int(self.cutting.whole["line"][0]))
         return {"environment": PATH_CUT.environment, "line": line, **self.cutting.noted_map}

@@ -27,7 +27,7 @@ _FURTHER: Mapping[str, int] = {"height": 6, "blade_x": 6, "blade_y": 6}
 
 
 def in_runs(movements: Array) -> list[list[float]]:
-    """Return movements, a row each millisecond, as runs: how often a row stands, and its numbers.
+    """Run-length encode movements, given as a row each millisecond.
 
     A pointer moves once for each picture, so that a run has some 16 rows.  The numbers are not changed.
     """
@@ -54,7 +54,7 @@ def from_runs(runs: Sequence[Sequence[float]]) -> Array:
 
 
 def way_of(readings: StructArray, further: Mapping[str, Array]) -> dict[str, list[float]]:
-    """Return the way of a cut, thinned to 50 moments a second: times, places and forces by name, SI units.
+    """Return a cut's times, places and forces, thinned to 50 Hz [SI].
 
     Parameters
     ----------
@@ -88,7 +88,10 @@ def expert_way(
     tissue: str | Path | None = None,
     expert: str = ORACLE,
 ) -> dict[str, list[float]]:
-    """Return the :func:`way_of` one of the :func:`~cutenv.agents.policy.experts`, on a drive; some seconds of work."""
+    """Return the :func:`way_of` one of the :func:`~cutenv.agents.policy.experts`.
+
+    It takes some seconds. The blade is on a drive.
+    """
     known = TASKS[task]
     policy: Any = known.planner() if expert == ORACLE else shipped(expert)
     arguments: dict[str, Any] = {} if line is None else {"line": line}
@@ -116,9 +119,10 @@ def shown_cut(
     line: str | None = None,
     tissue: str | Path | None = None,
 ) -> tuple[int, list[list[float]]]:
-    """Return a successful cut to be shown, by a hand that sees the tip: seed and movements; some seconds of work.
+    """Return seed and movements of a successful demonstration cut.
 
-    It is of the first of some specimens in which that hand succeeds, or else of the last of them.
+    It takes some seconds. The hand sees the tip. It is of the first of some specimens in which that hand succeeds, or
+    else of the last of them.
     """
     seed = 0
     movements: list[list[float]] = []

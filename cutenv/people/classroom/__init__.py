@@ -1,4 +1,4 @@
-"""Class of people who cut in their browsers: codes, courses and records on one machine, and a page for the teacher.
+"""Class that cuts in browsers, with codes, courses and records.
 
 Needs the extra ``cutenv[serve]``.  The browser runs the law (:mod:`cutenv.people.browser`); the server draws the
 specimens, repeats every cut from the movements of the hand, and keeps it only if its own law confirms it.

@@ -1,4 +1,4 @@
-"""Studies and pass marks of a class: the commands themselves, in a process beside the server, one after another.
+"""Studies and pass marks of a class, run one by one in processes.
 
 A study takes many seconds of processor time.  In a process of its own, and of low priority, it keeps nobody's cut
 waiting, and its pages are those of ``cutenv study`` and ``cutenv pass-mark``.
@@ -43,7 +43,7 @@ _SHOWN = (".html", ".csv", ".json")
 
 
 class StudiedRecord(NamedTuple):
-    """Record of an analysis: its path below the records, its person, and the person's group, "" without groups.
+    """Record of an analysis: relative path, person and group, "" without groups.
 
     A path of "" is a cut that was begun and left.
     """
@@ -55,7 +55,7 @@ class StudiedRecord(NamedTuple):
 
 @dataclass(kw_only=True)
 class Analysis:
-    """One study or setting of pass marks, from its start to its pages."""
+    """One study or setting of pass marks, with its pages."""
 
     kind: str
     title: str
@@ -84,7 +84,7 @@ class Analysis:
         return packed.getvalue()
 
     def progress(self) -> tuple[str, int] | None:
-        """Return what it is at ("reading", "scoring", "drawing"), and how far [%]; None where that is not known."""
+        """Return the stage ("reading", "scoring", "drawing") and progress [%], or None."""
         last = self._text(_TROUBLE).replace("\r", "\n").strip().rpartition("\n")[2]
         found = re.match(r"(\w+):\s+(\d+)%", last)
         return None if found is None else (found[1], int(found[2]))
@@ -98,7 +98,7 @@ class Analysis:
         return whole.partition(f"cutenv {self.kind}: ")[2].replace(f"{self.folder}{os.sep}", "") or whole
 
     def marks(self) -> Mapping[str, Any]:
-        """Return the marks of the overall score by method, as in the pass marks' JSON; {} if there are none."""
+        """Return pass marks of the overall score by method, {} without."""
         path = self.files().get(f"{PASS_MARK_KIND}.json")
         metrics = {} if path is None else json.loads(path.read_text(encoding="utf-8"))["metrics"]
         marks: Mapping[str, Any] = metrics.get("overall_score", {}).get("marks", {})
@@ -110,7 +110,7 @@ class Analysis:
 
 
 class Analyses:
-    """Analyses of one class.  They live as long as the server, for they can be made anew from the records.
+    """Analyses of one class, kept until the server ends.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ class Analyses:
         return made
 
     def drop(self, number: str) -> None:
-        """End an analysis if it is at work, and delete its pages; does nothing if there is none."""
+        """Stop an analysis if running and delete its pages, if any."""
         with self._guard:
             made = self._made.pop(number, None)
             if self._process is not None and self._process[0] == number:
@@ -185,7 +185,7 @@ class Analyses:
             shutil.rmtree(made.folder, ignore_errors=True)
 
     def forget(self, code: str) -> None:
-        """Delete every analysis in which a person is, those of other servers and of killed ones included."""
+        """Delete every analysis that includes a person, also of other servers."""
         for made in self.all():
             if code in made.people:
                 self.drop(made.id)

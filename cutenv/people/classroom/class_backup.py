@@ -1,4 +1,4 @@
-"""Backup of a class in one ZIP: records, courses, and the rows of the database as JSON, which fit every database."""
+"""Backup of a class as ZIP: records, courses, database rows as JSON."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _COURSE = re.compile(rf"{COURSE_FILE}|{COURSE_FOLDER}/{PLACE_NAME.pattern}\.toml
 
 
 def write_backup(store: ClassStore, records: Path, path: Path) -> int:
-    """Write a class to a ZIP file, as a whole or not at all; return the number of records.
+    """Write a class to a ZIP file atomically; return the number of records.
 
     It may run while people cut: rows are read first, so every saved cut among them has its record.
     """
@@ -42,7 +42,7 @@ def write_backup(store: ClassStore, records: Path, path: Path) -> int:
 
 
 def restore_backup(store: ClassStore, records: Path, path: Path) -> int:
-    """Fill an empty class from a backup; return the number of records.
+    """Restore an empty class from a backup; return the number of records.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def restore_backup(store: ClassStore, records: Path, path: Path) -> int:
 
 
 def _check_rows(path: Path, content: dict[str, Any]) -> None:
-    """Raise ValueError if a row names a person or a record by what could be a path that leads out."""
+    """Raise ValueError for names of people or records that escape the folder."""
     for table in ("people", "cuts"):
         for row in content[table]:
             code, record = row["code"], row.get("record")

@@ -1,4 +1,4 @@
-"""Courses of a class: one that everybody goes through, and further ones for those to whom the teacher gives them."""
+"""Courses of a class: a common one and further ones for some."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ COURSE_FOLDER = "courses"
 
 
 class ClassCourses:
-    """Courses of one class, as their files have them now, whichever server has edited them.
+    """Courses of one class, as their files are now.
 
     Parameters
     ----------
@@ -33,12 +33,12 @@ class ClassCourses:
         self._read: dict[Path, tuple[tuple[int, ...], Course | None]] = {}
 
     def file(self, key: str = "") -> Path:
-        """Return the file of a further course, or of that of the class, ""."""
+        """Return the file of a further course, or the class's, ""."""
         return self._folder / COURSE_FOLDER / f"{key}.toml" if key else self._folder / COURSE_FILE
 
     @property
     def main(self) -> Course | None:
-        """Course of everybody to whom no other one is given; None without one."""
+        """Course of everybody without another one, or None."""
         return self._course(self.file(), self._given)
 
     def further(self) -> dict[str, Course]:
@@ -48,7 +48,7 @@ class ClassCourses:
         return {key: course for key, course in found.items() if course is not None}
 
     def files(self) -> list[Path]:
-        """Return the files of all courses of the class that has some."""
+        """Return the files of all courses of the class."""
         found = [self.file(), *(self.file(key) for key in self.further())]
         return [path for path in found if path.is_file()]
 
@@ -58,7 +58,7 @@ class ClassCourses:
         return [*([] if main is None else [main]), *self.further().values()]
 
     def of(self, key: str) -> Course | None:
-        """Return the course of a key; that of the class if there is no such one."""
+        """Return the course of a key, or the class's course."""
         course = self._course(self.file(key)) if PLACE_NAME.fullmatch(key) else None
         return self.main if course is None else course
 
@@ -67,7 +67,7 @@ class ClassCourses:
         return next((course for course in self.all() if course.name == name), None)
 
     def set(self, course: Course, key: str = "") -> None:
-        """Let a course be that of a key from now on, or that of the class, "".
+        """Set the course of a key, or of the class, "".
 
         Raises
         ------
@@ -84,18 +84,18 @@ class ClassCourses:
             part.write_text(course_toml(course), encoding="utf-8")
 
     def drop(self, key: str = "") -> None:
-        """Delete a further course's file, or go back to the course of the start, ""."""
+        """Delete a further course's file, or restore the starting course, ""."""
         if not key or PLACE_NAME.fullmatch(key):
             self.file(key).unlink(missing_ok=True)
 
     def new_key(self, name: str) -> str:
-        """Return a key for a further course of a name that no other one has."""
+        """Return an unused key for a further course of a name."""
         base = re.sub(r"[\W_]+", "-", name.lower()).strip("-")[:24] or "course"
         keys = (base if k < 2 else f"{base}-{k}" for k in range(1, 1000))
         return next(key for key in keys if not self.file(key).exists())
 
     def _course(self, path: Path, otherwise: Course | None = None) -> Course | None:
-        """Return the course of a file; what it was if the file is damaged by hand, ``otherwise`` if there is none."""
+        """Return a file's course; the last sound one if damaged, else ``otherwise``."""
         try:
             about = path.stat()
         except OSError:

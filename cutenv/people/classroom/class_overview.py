@@ -1,4 +1,4 @@
-"""Overview of a class: everybody with cuts and progress, and learning curves as drawings in the page's own colours."""
+"""Overview of a class: people, progress, and learning curves as SVG."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Scores = Sequence[int | None]
 
 
 def score_curve(people: Sequence[Scores], *, mark: float | None = None, label: str = "") -> str:
-    """Return an SVG of one person's scores, or of those of several, thin, with their mean.
+    """Return an SVG of one person's scores, or several with mean.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def score_curve(people: Sequence[Scores], *, mark: float | None = None, label: s
 
 
 def class_means(people: Sequence[Scores]) -> list[float | None]:
-    """Return the mean score by the number of the cut, as far as three people or more made it."""
+    """Return mean scores by cut number while three people or more remain."""
     means: list[float | None] = []
     for k in range(max(map(len, people), default=0)):
         there = [score for scores in people if k < len(scores) and (score := scores[k]) is not None]
@@ -94,7 +94,7 @@ def class_means(people: Sequence[Scores]) -> list[float | None]:
 
 
 def overview(lesson: Lesson, language: str) -> dict[str, Any]:
-    """Return what the list of the class shows, in a language: people, a curve for each class, and pass marks.
+    """Return the class list's content in a language: people, curves, pass marks.
 
     A class of one mark has it in its curve.
     """
@@ -121,13 +121,13 @@ def overview(lesson: Lesson, language: str) -> dict[str, Any]:
 
 
 def marks_in_force(lesson: Lesson) -> dict[str, MarkInForce | None]:
-    """Return the pass mark of every course of the class, None without one, by the course's name, "" without course."""
+    """Return the pass mark, or None, of every course by name."""
     names = [name_of(lesson.course), *(course.name for course in lesson.courses.further().values())]
     return {name: lesson.store.pass_mark(name) for name in names}
 
 
 def only_of(marks: Iterable[MarkInForce | None]) -> MarkInForce | None:
-    """Return the mark that all have in common; None if there is none."""
+    """Return the mark common to all, or None."""
     different = set(marks)
     return different.pop() if len(different) == 1 else None
 
@@ -201,7 +201,7 @@ def live_list(
 
 
 def _doing(lesson: Lesson, person: Person, present: Mapping[str, str]) -> tuple[str, float | None]:
-    """Return what a person does now, and for how long, if that is known [s]."""
+    """Return a person's present activity, and its duration [s] or None."""
     made = [cut for cut in person.cuts if cut.state != TAKEN_BACK]
     open_cut = next((cut for cut in made if cut.state == GOING_ON), None)
     if open_cut is not None:

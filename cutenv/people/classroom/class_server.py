@@ -1,4 +1,7 @@
-"""Web server of a class: pages for people who cut, and for their teacher; no page asks another host for anything."""
+"""Web server of a class, with pages for people and their teacher.
+
+No page asks another host for anything.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Site of a class: its words, its look, who is signed in; and its guard: trials by address, limits of size, headers."""
+"""Site of a class: texts, look, sign-in, and request guard."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ _HEADERS = {
 
 
 class Trials:
-    """Counter of failed trials by address: whoever guesses too often has to wait.
+    """Rate limiter that counts failed trials by address.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ class Trials:
         self._lock = threading.Lock()
 
     def check(self, address: str, codes: int = 0) -> None:
-        """Raise HTTPException 429 if the address has failed too often for such a number of codes."""
+        """Raise HTTPException 429 for an address with too many failures."""
         with self._lock:
             failed = self._failed.get(address, deque())
             while failed and failed[0] < self._clock() - self._period:
@@ -100,7 +100,7 @@ class Trials:
 
 
 class Guard:
-    """ASGI middleware: size limit, requests of or by other sites refused, headers that forbid what no page needs.
+    """ASGI middleware that limits sizes, refuses cross-site requests and sets headers.
 
     Parameters
     ----------
@@ -209,7 +209,7 @@ class ClassSite:
 
     @cached_property
     def person_cookie(self) -> str:
-        """Name of the cookie of a person who cuts; of the class, because cookies know no port."""
+        """Cookie name of a person who cuts, separate for each class."""
         return f"cutenv_person_{self._mark}"
 
     @cached_property
@@ -223,7 +223,7 @@ class ClassSite:
 
     @cached_property
     def teacher_name(self) -> str:
-        """Name under which the teacher is signed in: it ends with the secret."""
+        """Name of the signed-in teacher; it ends with the secret."""
         return teacher_of(self.secret)
 
     @property
@@ -255,12 +255,12 @@ class ClassSite:
         return response
 
     async def signed_in(self, request: Request, cookie: str) -> str | None:
-        """Return the code of whom a cookie has signed in; None for nobody."""
+        """Return the code that a cookie has signed in, or None."""
         token = request.cookies.get(cookie, "")
         return None if not token else await run_in_threadpool(self.lesson.store.signed_in, token)
 
     async def person(self, request: Request) -> str:
-        """Return the code of the person who asks; HTTPException 401 if nobody is signed in."""
+        """Return the requesting person's code; HTTPException 401 if not signed in."""
         code = await self.signed_in(request, self.person_cookie)
         if not code:
             raise HTTPException(401, "Sign in with your code first.")
@@ -276,7 +276,10 @@ class ClassSite:
         return await self.signed_in(request, self.teacher_cookie) == self.teacher_name
 
     def teachers_route(self, method: str, path: str, answer: Callable[[Request], Awaitable[Response]]) -> Route:
-        """Return a route for the teacher alone; what its answer cannot find is 404, what it cannot use is 422."""
+        """Return a route for the teacher alone.
+
+        A LookupError of ``answer`` becomes 404, a ValueError 422.
+        """
 
         async def checked(request: Request) -> Response:
             await self.teacher(request)

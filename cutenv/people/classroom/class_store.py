@@ -1,4 +1,4 @@
-"""Database of a class, beside its records: codes, groups, consents, cuts, marks, who is signed in."""
+"""Database of a class: codes, groups, consents, cuts, marks, sessions."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ _LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ"  # no I and no O, which look like digits
 
 
 class Place(NamedTuple):
-    """Place of a person: class, group in studies, and key of a further course; "" if there is none."""
+    """Class, study group and further course key of a person, else ""."""
 
     class_name: str = ""
     group: str = ""
@@ -70,7 +70,7 @@ class Place(NamedTuple):
 
 
 class MarkInForce(NamedTuple):
-    """Pass mark of the overall score that a teacher has put into force: its source in words, and since when."""
+    """Pass mark in force for the overall score, with source and date."""
 
     mark: float
     source: str
@@ -78,7 +78,7 @@ class MarkInForce(NamedTuple):
 
 
 class Comment(NamedTuple):
-    """Comment of the teacher to a person, and when it was written (UTC)."""
+    """Comment of the teacher to a person, with time (UTC)."""
 
     id: str
     written: str
@@ -86,7 +86,7 @@ class Comment(NamedTuple):
 
 
 class NewCut(NamedTuple):
-    """Cut to hand out: its specimen, as in :class:`HandedOutCut`, its course and task, and a digest of the task."""
+    """Cut to hand out: specimen, course, task and task digest."""
 
     specimen_class: str
     seed: int
@@ -127,7 +127,7 @@ class HandedOutCut(NamedTuple):
 
 
 class SeenMovements(ValueError):
-    """Movements that are those of a cut in the class, bit for bit."""
+    """Movements identical bit for bit to another cut's in the class."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -207,7 +207,7 @@ class ClassStore:
             self._lay_out()
 
     def _lay_out(self) -> None:
-        """Make the tables that are not there, and add to those of an earlier version what they lack."""
+        """Create missing tables, and add missing columns to older ones."""
         CLASS_METADATA.create_all(self.engine)
         with self._transaction() as connection:
             for table in (CUTS, SESSIONS, CLASS_PLACES):
@@ -234,7 +234,7 @@ class ClassStore:
     # People
 
     def add_codes(self, count: int) -> list[str]:
-        """Add ``count`` new codes, such as "KRT48213", and return them; they are drawn, so nobody guesses them."""
+        """Add ``count`` random new codes, such as "KRT48213"; return them."""
         made: list[str] = []
         while len(made) < count:
             code = "".join(secrets.choice(_LETTERS) for _ in range(3)) + f"{secrets.randbelow(10**6):06d}"
@@ -243,7 +243,7 @@ class ClassStore:
         return made
 
     def add_code(self, code: str) -> bool:
-        """Add a code of one's own; return False if it is there already.
+        """Add a custom code; return False if it exists.
 
         Raises
         ------
@@ -276,7 +276,10 @@ class ClassStore:
             connection.execute(update(PEOPLE).where(PEOPLE.c.code == code).values(consented=self._now()))
 
     def delete(self, code: str) -> bool:
-        """Delete a person: code, sessions and cuts; return False if there was none. The records are the caller's."""
+        """Delete a person's code, sessions and cuts, but no records.
+
+        Return False if there was no such person.
+        """
         if not self.knows(code):
             return False
         with self._transaction() as connection:
@@ -285,7 +288,7 @@ class ClassStore:
             return connection.execute(delete(PEOPLE).where(PEOPLE.c.code == code)).rowcount > 0
 
     def places(self, code: str | None = None) -> dict[str, Place]:
-        """Return the place of everybody, or of one person, who has one, by code."""
+        """Return places of everybody, or one person, by code."""
         wanted = select(CLASS_PLACES)
         with self._transaction() as connection:
             rows = connection.execute(wanted if code is None else wanted.where(CLASS_PLACES.c.code == code)).all()
@@ -299,7 +302,7 @@ class ClassStore:
         group: str | None = None,
         course: str | None = None,
     ) -> None:
-        """Put people into a class, a group, a further course; None leaves what is there, "" takes them out.
+        """Set people's class, group and course; None keeps, "" removes.
 
         Raises
         ------
@@ -359,13 +362,13 @@ class ClassStore:
     # Pass marks
 
     def pass_mark(self, course: str) -> MarkInForce | None:
-        """Return the pass mark in force for a course ("" without one), or None."""
+        """Return a course's pass mark in force ("" without course), or None."""
         with self._transaction() as connection:
             row = connection.execute(select(PASS_MARKS).where(PASS_MARKS.c.course == course)).first()
         return None if row is None else MarkInForce(row.tenths / 10, row.source, row.since)
 
     def set_pass_mark(self, course: str, mark: float | None, source: str = "") -> None:
-        """Put a pass mark of the overall score into force for a course, or with None withdraw it.
+        """Set a course's pass mark of the overall score; None withdraws it.
 
         Raises
         ------
@@ -383,7 +386,10 @@ class ClassStore:
     # Sessions
 
     def sign_in(self, code: str) -> str:
-        """Return a new token of a person, or of a :func:`teacher_of` a server; only its hash is stored."""
+        """Return a new token for a person or :func:`teacher_of` a server.
+
+        Only its hash is stored.
+        """
         token, now = secrets.token_urlsafe(32), self.clock()
         values = {"expires": _written(now + _SESSION), "seen": _written(now)}
         with self._transaction() as connection:
@@ -392,7 +398,7 @@ class ClassStore:
         return token
 
     def signed_in(self, token: str) -> str | None:
-        """Return whose token it is; None if it is nobody's or too old, or its person has not been seen for long."""
+        """Return a token's owner; None if unknown, too old or long unseen."""
         now = self.clock()
         with self._transaction() as connection:
             row = connection.execute(select(SESSIONS).where(SESSIONS.c.token_hash == _hash(token))).first()
@@ -406,7 +412,7 @@ class ClassStore:
         return str(row.code)
 
     def present(self) -> dict[str, str]:
-        """Return when everybody who is signed in was last seen (UTC, to a minute), by code."""
+        """Return when signed-in people were last seen (UTC, minutes), by code."""
         now = self.clock()
         here = (SESSIONS.c.expires >= _written(now)) & (SESSIONS.c.seen >= _written(now - _IDLE))
         seen = select(SESSIONS.c.code, func.max(SESSIONS.c.seen).label("seen")).where(here).group_by(SESSIONS.c.code)
@@ -419,14 +425,14 @@ class ClassStore:
             connection.execute(delete(SESSIONS).where(SESSIONS.c.token_hash == _hash(token)))
 
     def sign_out_everywhere(self, code: str) -> None:
-        """Forget every token of a person, or of a :func:`teacher_of` a server."""
+        """Delete all tokens of a person or :func:`teacher_of` a server."""
         with self._transaction() as connection:
             connection.execute(delete(SESSIONS).where(SESSIONS.c.code == code))
 
     # Cuts
 
     def hand_out(self, code: str, chosen: Callable[[Sequence[HandedOutCut]], NewCut | None]) -> HandedOutCut | None:
-        """Hand out a person's next cut, while other servers may do the same: all get the same one.
+        """Hand out a person's next cut, the same one on all servers.
 
         One that was prepared on the same terms is handed out again, one on other terms taken back.  One that was begun
         is left, and so given up, except by the end of a server.
@@ -469,7 +475,7 @@ class ClassStore:
             connection.execute(update(CUTS).where(same).values(state=state))
 
     def _insert(self, code: str, cuts: Sequence[HandedOutCut], new: NewCut) -> str | None:
-        """Add a prepared cut behind those that are known, and return its number; None if there are others by now."""
+        """Add a prepared cut; return its number, or None if others came first."""
         number = secrets.token_hex(16)
         values = new._asdict()
         length = values.pop("target_length")
@@ -483,7 +489,7 @@ class ClassStore:
         return number
 
     def begun(self, number: str, code: str) -> bool:
-        """Note that a person has begun a cut; return False, and do nothing, if there is no such cut to begin."""
+        """Note that a person has begun a cut; return False if impossible."""
         mine = (CUTS.c.id == number) & (CUTS.c.code == code) & (CUTS.c.state == PREPARED)
         with self._transaction() as connection:
             changed = update(CUTS).where(mine).values(state=GOING_ON, begun=self._now())
@@ -525,13 +531,13 @@ class ClassStore:
             return ended
 
     def note(self, number: str, end: CutEnd, course: str) -> None:
-        """Note numbers and course of a cut that an earlier version saved without them."""
+        """Note numbers and course of a cut saved by an earlier version."""
         columns = {name: end.columns[name] for name in ("ended", "numbers")}
         with self._transaction() as connection:
             connection.execute(update(CUTS).where(CUTS.c.id == number).values(**columns, course=course))
 
     def set_example(self, number: str, code: str, shown: bool) -> None:
-        """Let a saved cut be an example or not, in place of another one of the same specimen in the same task.
+        """Mark or unmark a saved cut as its specimen's example in its task.
 
         Raises
         ------
@@ -561,11 +567,11 @@ class ClassStore:
         raise LookupError("There is no such code.")
 
     def cuts(self, code: str | None = None) -> list[HandedOutCut]:
-        """Return the cuts of a person, or of all people, in order."""
+        """Return the cuts of one person or all, in order."""
         return list(self._found(CUTS.c.code != TRIAL if code is None else CUTS.c.code == code))
 
     def content(self) -> dict[str, list[dict[str, Any]]]:
-        """Return everything but the sessions, as rows by table, for a backup."""
+        """Return all rows by table for a backup, without sessions."""
         with self._transaction() as connection:
             return {
                 table.name: [dict(row) for row in connection.execute(select(table)).mappings()] for table in BACKED_UP
@@ -588,7 +594,7 @@ class ClassStore:
             _number(connection)
 
     def break_off(self) -> int:
-        """Note every cut that goes on as broken off, after a restart; return how many there were."""
+        """Mark cuts in progress as broken off after a restart; return their number."""
         with self._transaction() as connection:
             changed = update(CUTS).where(CUTS.c.state == GOING_ON).values(state=BROKEN_OFF)
             return int(connection.execute(changed).rowcount)
@@ -610,12 +616,12 @@ class ClassStore:
 
 
 def teacher_of(secret: str) -> str:
-    """Return under what name the teacher of a server with this secret is signed in: another secret is another name."""
+    """Return the teacher's sign-in name for a server's secret."""
     return f"{_TEACHER}{_hash(secret)[:16]}"
 
 
 def _number(connection: Connection) -> None:
-    """Give their numbers to cuts of an earlier version, in the order in which they were handed out."""
+    """Assign numbers to an earlier version's cuts by time of handing out."""
     missing = select(CUTS.c.id, CUTS.c.code).where(CUTS.c.nth.is_(None)).order_by(CUTS.c.handed_out, CUTS.c.id)
     rows = connection.execute(missing).all()
     last: dict[str, int] = {}

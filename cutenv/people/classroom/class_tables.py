@@ -1,4 +1,4 @@
-"""Tables of a class's database, the states of a cut in them, and what the database itself forbids."""
+"""Tables of a class's database, states of a cut, and constraints."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Page on which the teacher edits the course, and what its form says as the content of a course's file."""
+"""Page on which the teacher edits a course, and its form."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class CoursePages:
         ]  # fmt: skip
 
     def page(self, content: Mapping[str, Any], key: str = "", trouble: str = "", status: int = 200) -> Response:
-        """Return the page, filled with the content of a course's file as far as there is one.
+        """Return the page, filled with a course file's content if any.
 
         ``key`` is that of a further course, :data:`NEW` for one that has none yet, or "" for that of the class.
         """
@@ -89,13 +89,13 @@ class CoursePages:
         return await run_in_threadpool(self.page, {} if course is None else _content(course), key)
 
     def _key(self, given: str) -> str:
-        """Return the key of a course that there is; LookupError for another."""
+        """Return the key of an existing course; LookupError for another."""
         if given not in ("", NEW) and given not in self._lesson.courses.further():
             raise LookupError("There is no such course.")
         return given
 
     async def keep(self, request: Request) -> Response:
-        """Put the course into force as the form has it, or withdraw it."""
+        """Put the form's course into force, or withdraw it."""
         form = await request.form(max_fields=20 * _MOST_TASKS)
         key = self._key(text_of(form, "course"))
         if form.get("do") == "withdraw":
@@ -126,7 +126,7 @@ def _content(course: Course) -> dict[str, Any]:
 
 
 def _metrics(language: str) -> dict[str, str]:
-    """Return the words for each metric that a mark may limit, with its unit and sense, by key."""
+    """Return names with unit and sense of metrics for marks, by key."""
     return {
         key: f"{course_words(language, about.name)}{'' if about.unit.sign == '1' else f' [{about.unit.sign}]'} "
         + ("≥" if about.more else "≤")
@@ -135,7 +135,7 @@ def _metrics(language: str) -> dict[str, str]:
 
 
 def _shown(task: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a task as its fields show it: seeds as one text, marks as pairs."""
+    """Return a task for its form fields: seeds as text, marks as pairs."""
     marks: list[tuple[str, Any]] = [(key, _plain(limit)) for key, limit in task.get("mark", {}).items()]
     shown = dict.fromkeys(_FIELDS, "") | {key: _plain(value) for key, value in task.items()}
     shown["seeds"] = ", ".join(map(str, task.get("seeds", ())))
@@ -157,7 +157,10 @@ def _plain(value: Any) -> Any:
 
 
 def _content_of(form: FormData) -> dict[str, Any]:
-    """Return the content of the file that a form stands for; what is no number stays a text, and is refused later."""
+    """Return a form as course file content; invalid numbers stay text.
+
+    They are refused later.
+    """
     tasks = []
     for k in range(_MOST_TASKS):
         given = {name: text_of(form, f"{k}-{name}").strip() for name in ("name", "place", "task", "line", *_TEXTS)}

@@ -1,4 +1,4 @@
-"""Roster of a platform's course for the teacher: who of its members has cut in the class, and who not yet."""
+"""Roster of a platform's course: members who have or have not cut."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from cutenv.people.play.course import WARM_UP
 
 
 class RosterRow(NamedTuple):
-    """Member of a course, with the number of cuts that the server saved; None of one who never entered the class."""
+    """Course member with the number of saved cuts, None if never entered."""
 
     member: CourseMember
     cuts: int | None
 
 
 class CourseRoster(NamedTuple):
-    """Members of a course, those first who learn there and have not cut yet; or ``trouble``, which says why none.
+    """Members of a course, learners without cuts first, or ``trouble``.
 
     ``skipped`` entries of the platform's list could not be read; ``more`` is True if it is longer than what is shown.
     ``refused`` is True if the platform does not let the class see its list.
@@ -56,7 +56,7 @@ NOT_OFFERED = "The platform offers the class no list of the members of this cour
 
 
 def course_rosters(tool: LtiTool, lesson: Lesson) -> Iterator[CourseRoster]:
-    """Yield a roster of each course whose teachers teach in the class, and of no other one.
+    """Yield a roster of each course whose teachers teach in the class.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Shortcut that starts a class by a double click: a file for the desktop of Linux, macOS or Windows."""
+"""Desktop shortcut that starts a class, for Linux, macOS or Windows."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def write_shortcut(
     folder: Path | None = None,
     platform: str = sys.platform,
 ) -> Path:
-    """Write a shortcut that runs a command in a terminal window, and return its path.
+    """Write a shortcut that runs a command in a terminal; return its path.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Claim of a server on the folder of its class, which ends with its process, however that ends."""
+"""Lock of a server on its class's folder, released with its process."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _TAKEN = (errno.EACCES, errno.EAGAIN, errno.EDEADLK)  # others: a disk without l
 
 
 class FolderClaim:
-    """Claim on a folder, which tells the next server of this one.
+    """Lock on a folder that names its server to the next one.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class FolderClaim:
             self._file.flush()
 
     def _is_taken(self) -> bool:
-        """Lock the first byte for this process; return True if another one has it."""
+        """Lock the first byte; return True if another process has it."""
         try:
             if os.name == "nt":
                 import msvcrt

@@ -1,4 +1,4 @@
-"""Records of other programs that a teacher drops on a page: staged, looked at, and read by columns named in a form."""
+"""Teacher's upload of other programs' records: staged, previewed, and read by columns."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _BY_HAND = {"depth": "mm", "angle": "deg"}  # fields that may be one number, and
 
 
 class DroppedFile(NamedTuple):
-    """File as it came: the client's name for it, which is shown and never opened, and where it lies here."""
+    """Uploaded file: client's name, shown but never opened, and local path."""
 
     name: str
     path: Path
@@ -44,14 +44,14 @@ class DroppedFile(NamedTuple):
 
 
 class PreviewColumn(NamedTuple):
-    """Header of a column, "" if it has none, and its first cells."""
+    """Header of a column, "" without one, and its first cells."""
 
     name: str
     cells: tuple[str, ...]
 
 
 class ReadCut(NamedTuple):
-    """Cut that was read: the file's name, the record, and in words what is wrong with it, "" if nothing is."""
+    """Cut as read: file name, record, and faults in words or ""."""
 
     name: str
     trace: Trace
@@ -78,7 +78,7 @@ class Upload:
     """Questions that the first such file leaves open, with the answer that the guess takes."""
 
     def read(self, form: Mapping[str, str]) -> tuple[list[ReadCut], list[str], list[RecordPicture]]:
-        """Read the files by a form of columns and units; return the cuts, notes on how they were read, and pictures.
+        """Read the files by a form of columns; return cuts, notes, pictures.
 
         Raises
         ------
@@ -102,7 +102,7 @@ class Upload:
 
 
 def picked_map(form: Mapping[str, str]) -> ColumnMap:
-    """Return the mapping that a form names: ``force`` and ``force_unit``, ``depth_value``, ``rate`` and so on.
+    """Return the mapping of a form's fields such as ``force`` and ``force_unit``.
 
     Raises
     ------
@@ -131,7 +131,7 @@ def picked_map(form: Mapping[str, str]) -> ColumnMap:
 
 
 def picked_length(form: Mapping[str, str]) -> float | None:
-    """Return the target length that a form gives [m], None if it gives none; ValueError if it is out of range."""
+    """Return a form's target length [m], or None; ValueError if out of range."""
     text = form.get("target", "").strip().replace(",", ".")
     if not text:
         return None
@@ -146,7 +146,10 @@ def _number(name: str, text: str) -> float:
 
 
 class Uploads:
-    """Uploads that wait for their columns to be named, in a folder of their own; the oldest of too many goes."""
+    """Folder of uploads that wait for columns to be named.
+
+    The oldest of too many goes.
+    """
 
     def __init__(self) -> None:
         self._staged: dict[str, tuple[Upload, Path]] = {}
@@ -218,7 +221,7 @@ def _table_of(file: DroppedFile) -> NamedColumns:
 
 
 def _previewed(table: NamedColumns) -> tuple[tuple[PreviewColumn, ...], dict[str, str], tuple[str, ...]]:
-    """Return the first cells of each column, the form as it is proposed, and the questions that stay open."""
+    """Return first cells of each column, proposed form, and open questions."""
     cells = [tuple(table.text(k)[:_SHOWN_ROWS]) for k in range(table.n_columns)]
     names = [*table.headers, *[""] * table.n_columns]
     columns = tuple(PreviewColumn(names[k], cells[k]) for k in range(table.n_columns))

@@ -1,4 +1,7 @@
-"""One class at work: hands out specimens, repeats every cut by its own law, and keeps records that the law confirms."""
+"""One class at work: hands out specimens, and keeps confirmed cuts.
+
+Every cut is repeated by the server's own law.
+"""
 
 from __future__ import annotations
 
@@ -79,7 +82,7 @@ from cutenv.task.registry import TASKS
 def shown_card(
     card: ScoreCard, progress: CourseProgress | None, *, hidden: bool = False, mark: MarkInForce | None = None
 ) -> dict[str, Any]:
-    """Return what the page shows of a card, whether it passes the ``mark``, and what comes next.
+    """Return a score card's content for the page, with pass and progress.
 
     Of a card that is to be ``hidden`` nothing is shown but whether it passes.
     """
@@ -100,7 +103,7 @@ def shown_card(
 
 
 def _advice(card: ScoreCard) -> list[dict[str, dict[str, str]]]:
-    """Return what to try next, and what was seen in the cut, "" if no single fault; each by language."""
+    """Return next advice, and the fault seen or "", by language."""
     return [
         {"try": in_languages(f"{_capital(each.advice)}."), "seen": in_languages(_capital(each.seen))}
         for each in next_tries([card])[:_MOST_ADVICE]
@@ -112,12 +115,12 @@ def _capital(text: str) -> str:
 
 
 def name_of(course: Course | None) -> str:
-    """Return the name of a course, by which its pass mark is kept; "" without one."""
+    """Return a course's name, the key of its pass mark; "" without."""
     return "" if course is None else course.name
 
 
 def ahead_words(progress: CourseProgress | None) -> dict[str, str]:
-    """Return what comes next in a course, by language; empty without a course."""
+    """Return a course's next task by language; empty without a course."""
     return {} if progress is None else {language: progress.ahead(language) for language in languages()}
 
 
@@ -156,11 +159,11 @@ _CLOSED = {
 
 
 class RefusedCut(ValueError):
-    """A record that the law does not confirm, or that cannot be one; the text says why."""
+    """Record that the law does not confirm, or that is invalid."""
 
 
 class Lesson:
-    """A class that cuts: its store, its folder of records, and its course.
+    """Class that cuts: its store, records and course.
 
     Parameters
     ----------
@@ -197,23 +200,23 @@ class Lesson:
         self._guard = threading.Lock()
 
     def close(self) -> None:
-        """End what is being worked out, delete uploads that nobody kept, and close the store."""
+        """Stop analyses, delete unkept uploads, and close the store."""
         self.analyses.close()
         self.uploads.close()
         self.store.close()
 
     @property
     def course(self) -> Course | None:
-        """Course that everybody goes through now to whom no other is given; None without one."""
+        """Present course of everybody without another one, or None."""
         return self.courses.main
 
     def course_of(self, code: str, place: Place | None = None) -> Course | None:
-        """Return the course of a person, whose place may be given; None without one."""
+        """Return the course of a person, whose place may be given, or None."""
         where = self.store.places(code).get(code, Place()) if place is None else place
         return self.courses.of(where.course)
 
     def mark_of(self, code: str) -> MarkInForce | None:
-        """Return the pass mark in force for a person's course, or None."""
+        """Return a person's pass mark in force, or None."""
         return self.store.pass_mark(name_of(self.course_of(code)))
 
     def put(self, codes: Sequence[str], **places: str) -> None:
@@ -224,7 +227,10 @@ class Lesson:
         self.store.put(codes, **places)
 
     def drop_course(self, key: str) -> None:
-        """Delete a further course, whose people then go through that of the class; for "" go back to the start's."""
+        """Delete a further course; "" restores the starting one.
+
+        Its people go on in the class's course.
+        """
         if key:
             self.store.put([code for code, place in self.store.places().items() if place.course == key], course="")
         self.courses.drop(key)
@@ -268,14 +274,16 @@ class Lesson:
         return progress
 
     def _noted(self, cut: HandedOutCut) -> HandedOutCut:
-        """Note what a record says of a saved cut that an earlier version has not noted."""
+        """Note a saved cut's results from its record, if still missing."""
         trace, card = self.scored(cut)
         end, course = str(trace.metadata["end"]), str(trace.metadata.get("course", ""))
         self.store.note(cut.id, CutEnd(state=SAVED, ended=end, numbers=marked_numbers(card)), course)
         return cut._replace(numbers=marked_numbers(card), ended=end, course=course)
 
     def begin(self, code: str) -> dict[str, Any]:
-        """Hand out the next cut: what the page needs to know; only ``ahead`` and ``done`` if the course is done.
+        """Hand out the next cut as page data.
+
+        If the course is done, it has ``ahead`` and ``done`` only.
 
         Raises
         ------
@@ -299,7 +307,7 @@ class Lesson:
             }  # fmt: skip
 
     def _next(self, code: str, cuts: Sequence[HandedOutCut]) -> NewCut | None:
-        """Return the cut to hand out after those that have ended; None if the course is done."""
+        """Return the next cut to hand out; None after the course."""
         progress = self.progress(code, cuts)
         if progress is None:
             free = CourseTask(name="", specimen_class=self.specimen_class)
@@ -315,7 +323,7 @@ class Lesson:
     def finish(
         self, code: str, number: str, movements: bytes, digest: str, *, stalled: float = 0.0, aids: Iterable[str] = ()
     ) -> dict[str, Any]:
-        """Repeat a cut by the law, and keep it if the page's readings are those of the law; return the card.
+        """Repeat a cut by the law, keep it if confirmed, return its card.
 
         Parameters
         ----------
@@ -410,11 +418,11 @@ class Lesson:
             )
 
     def _is_open(self, cut: HandedOutCut) -> bool:
-        """Return whether a cut may be finished: also one that went on when the server ended."""
+        """Return whether a cut may be finished, also after a server restart."""
         return cut.state in OPEN
 
     def _check_time(self, cut: HandedOutCut, movements: bytes, task: CourseTask) -> None:
-        """Raise RefusedCut if a cut was not begun, or has not taken its time since."""
+        """Raise RefusedCut for a cut not begun, or finished too soon."""
         if cut.state == PREPARED:
             raise RefusedCut("it was never begun.")
         took = (self.store.clock() - datetime.fromisoformat(cut.begun)).total_seconds()
@@ -436,7 +444,7 @@ class Lesson:
             raise RefusedCut("this cut is finished already.")
 
     def recover(self) -> int:
-        """Put in order what an end of the server left: return how many cuts were broken off.
+        """Tidy up after a server's end; return how many cuts broke off.
 
         A cut whose record was written just before is saved; every other one that went on is noted as broken off, and
         can still be finished by a page that has gone on without the server.  Parts of records are deleted.
@@ -471,7 +479,7 @@ class Lesson:
         return cut, readings
 
     def replay(self, code: str, number: str) -> dict[str, Any]:
-        """Return a saved cut for its replay: specimen, movements, an expert's way in it, and who that is.
+        """Return a saved cut for replay: specimen, movements and expert's way.
 
         The expert is a cut of the same specimen that the teacher has chosen, "example", or else the one that the task
         names, the "planner" or an "agent".
@@ -504,7 +512,7 @@ class Lesson:
         return {"specimen": specimen, "movements": movements, "expert": expert, "by": by}
 
     def demonstration(self, code: str) -> dict[str, Any]:
-        """Return the cut that a person's course shows beforehand, as :meth:`replay`; LookupError if there is none."""
+        """Return a course's demonstration as :meth:`replay`; LookupError without."""
         course = self.course_of(code)
         if course is None or not course.demonstration:
             raise LookupError("there is no demonstration.")
@@ -519,20 +527,20 @@ class Lesson:
         return {"specimen": specimen, "movements": movements, "expert": expert, "by": kind_of_expert(task.expert)}
 
     def _movements(self, cut: HandedOutCut) -> Array:
-        """Return the movements of a saved cut, shape (n, k); LookupError if an earlier version kept it without them."""
+        """Return a saved cut's movements, shape (n, k); LookupError if not kept."""
         runs = read_metadata(self._path(cut)).get(MOVEMENTS)
         if runs is None:
             raise LookupError("this cut was kept without the movements of the hand.")
         return from_runs(runs)
 
     def _way(self, cut: HandedOutCut, task: CourseTask) -> dict[str, list[float]]:
-        """Return the way of a saved cut, made again by the law."""
+        """Return a saved cut's way, recomputed by the law."""
         made = TASKS[task.task].hand(**_key(cut), **task.of_line, tissue=self.tissue)
         readings = made.follow(self._movements(cut))
         return way_of(readings, dict(zip(made.channel_fields, made.channels, strict=True)))
 
     def courses_open_to(self, class_name: str) -> list[Course]:
-        """Return the courses that people of a class go through: that of everybody, then further ones given there."""
+        """Return the common course, then further ones given in a class."""
         keys = {place.course for place in self.store.places().values() if place.class_name == class_name}
         main = [] if self.course is None else [self.course]
         return main + [course for key, course in self.courses.further().items() if key in keys]
@@ -544,7 +552,10 @@ class Lesson:
         return tuple(dict.fromkeys(found if self.course is not None else ["gentle", *found]))
 
     def _task(self, code: str, cut: HandedOutCut) -> CourseTask | None:
-        """Return the task that a cut was handed out for, gentle cutting without a course; None if it is not served."""
+        """Return the task a cut was handed out for, or None.
+
+        Without a course it is gentle cutting.
+        """
         return self._task_in(self.course_of(code), code, cut)
 
     def _task_in(self, course: Course | None, code: str, cut: HandedOutCut) -> CourseTask | None:
@@ -555,12 +566,12 @@ class Lesson:
         return next((task for task in tasks if self._terms(name_of(course), task) == cut.terms), None)
 
     def _task_once(self, code: str, cut: HandedOutCut) -> CourseTask | None:
-        """Return the task of a cut in whichever course of the class it was made; None if it is served no more."""
+        """Return a cut's task in any course of the class, or None."""
         courses = [*self.courses.all(), *([] if cut.course else [None])]
         return next(filter(None, (self._task_in(course, code, cut) for course in courses)), None)
 
     def _terms(self, course: str, task: CourseTask) -> str:
-        """Return a digest of what defines the cuts of a task: one is handed out, and finished, on the same terms alone.
+        """Return a digest of what defines a task's cuts.
 
         Mark, repetitions and feedback are not in it: they may change while people cut.
         """
@@ -568,7 +579,7 @@ class Lesson:
         return hashlib.sha256(repr(defined + self._of_tissue).encode()).hexdigest()[:32]
 
     def scored(self, cut: HandedOutCut) -> tuple[Trace, ScoreCard]:
-        """Return the record of a saved cut and its score card; LookupError if it was not saved."""
+        """Return a saved cut's record and score card; LookupError if unsaved."""
         return self._scored(self._path(cut))
 
     def _scored(self, path: Path) -> tuple[Trace, ScoreCard]:
@@ -577,7 +588,7 @@ class Lesson:
         return trace, score(trace, target_length=target, reference=fitting_reference(self._reference, trace))
 
     def card_page(self, code: str, number: str, language: str = "en") -> str:
-        """Return the page of a person's cut that was saved, as from ``cutenv score``; LookupError if there is none."""
+        """Return a saved cut's page as ``cutenv score``'s; LookupError if none."""
         trace, card = self.scored(self.store.cut(number, code))
         target = trace.metadata.get("target_length_m")  # a record of another program may have none
         with tempfile.TemporaryDirectory() as folder, self._guard:  # one figure at a time
@@ -593,7 +604,7 @@ class Lesson:
         return self.folder / cut.code / cut.record
 
     def add_foreign(self, code: str, trace: Trace, target_length: float | None = None) -> str:
-        """Keep a cut that another program recorded as one of a person's, scored and marked as not confirmed.
+        """Save another program's cut for a person, scored but unconfirmed.
 
         Parameters
         ----------
@@ -635,7 +646,7 @@ class Lesson:
             return self.store.add_foreign(code, end)
 
     def history(self, code: str) -> list[dict[str, Any]]:
-        """Return a person's cuts as the person may see them: without result where the task shows no feedback."""
+        """Return a person's cuts, without results where feedback is off."""
         silent = {
             (name, task.name)
             for course in self.courses.all()
@@ -666,7 +677,10 @@ class Lesson:
         return "\n".join(rows) + "\n"
 
     def records(self, code: str | None = None) -> bytes:
-        """Return the records of a person, or of all, as a ZIP of CSV files, with the table of the cuts."""
+        """Return records of one person or all as ZIP of CSV files.
+
+        It includes the table of the cuts.
+        """
         packed = io.BytesIO()
         with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
             for cut in self.store.cuts(code):
@@ -676,7 +690,7 @@ class Lesson:
         return packed.getvalue()
 
     def delete(self, code: str) -> bool:
-        """Delete all that is stored about a person; return False if there was nobody."""
+        """Delete all data about a person; return False if unknown."""
         with self.lock(code):
             known = self.store.delete(code)
             self.analyses.forget(code)
@@ -686,7 +700,7 @@ class Lesson:
 
 
 def _record_name(cut: HandedOutCut) -> str:
-    """Return the name of a cut's record; it follows from the cut, so that one sent again is not kept twice."""
+    """Return a cut's record name, derived from the cut against duplicates."""
     handed_out = datetime.fromisoformat(cut.handed_out).astimezone()
     return f"{handed_out:%Y%m%dT%H%M%S}_{cut.specimen_class}_{cut.seed}-0_{cut.id[:6]}"
 
@@ -711,12 +725,12 @@ def _movement_size(task: CourseTask) -> int:
 
 
 def _digest_of(movements: bytes, task: CourseTask) -> str | None:
-    """Return the SHA-256 of movements; None of a hand that hardly moved, as that of many others may."""
+    """Return the SHA-256 of movements; None for a hand nearly at rest."""
     return hashlib.sha256(movements).hexdigest() if np.ptp(_rows(movements, task)[:, 0]) > _OWN_WAY else None
 
 
 def _sweep(place: Path) -> None:
-    """Delete parts of records in a person's folder that a killed server has left."""
+    """Delete partial records that a killed server left for a person."""
     for part in place.glob("*.part.csv"):
         with suppress(OSError):  # its server is done with it
             if part.stat().st_mtime < time.time() - _LEFTOVER:
@@ -724,6 +738,6 @@ def _sweep(place: Path) -> None:
 
 
 def _cell(text: str) -> str:
-    """Return a cell of a CSV file that no spreadsheet takes for a formula."""
+    """Return a CSV cell that spreadsheets do not take for a formula."""
     safe = f"'{text}" if text[:1] in ("=", "+", "-", "@") else text
     return '"' + safe.replace('"', '""') + '"' if set(safe) & set(',"\n') else safe

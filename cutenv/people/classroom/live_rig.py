@@ -1,4 +1,4 @@
-"""Rig watched live: its published readings, checked and kept for some seconds, and the routes that show them."""
+"""Live view of a rig: published readings, and routes that show them."""
 
 from __future__ import annotations
 
@@ -84,13 +84,13 @@ class LiveRig:
         self._socket.close()
 
     def since(self, number: int) -> list[tuple[int, dict[str, Any]]]:
-        """Return the kept messages after that number, each with its own; all if the number is of an earlier server."""
+        """Return numbered messages after ``number``, or all after a restart."""
         kept = list(self._kept)
         return kept if kept and number > kept[-1][0] else [each for each in kept if each[0] > number]
 
 
 def checked_message(datagram: bytes) -> dict[str, Any] | None:
-    """Return a rig's message with the known numbers and texts alone; None if it is not one.
+    """Return a rig's message, known fields only, or None if invalid.
 
     Any program of this machine can send to the port.
     """
@@ -115,7 +115,7 @@ def _is_number(value: Any) -> bool:
 def live_routes(
     live: LiveRig | None, teacher: Callable[[Request], Awaitable[None]], page: Callable[..., Response]
 ) -> list[Route]:
-    """Return the routes of the page that shows a rig, for the teacher alone; none without a rig.
+    """Return routes of the teacher's live page; none without a rig.
 
     Readings go to the browser as server-sent events: by their protocol nothing can be sent back.
 

@@ -1,4 +1,4 @@
-"""Grades for learning platforms: what the server confirmed, sent by a thread of its own, again until it arrives."""
+"""Confirmed grades sent to learning platforms by a thread, with retries."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _REFUSED_FOR_GOOD = (400, 403, 404, 405, 409, 410, 413, 415, 422)  # what anothe
 
 
 class Grade(NamedTuple):
-    """Grade of a person, 0 to 100, and whether all that it takes in is done."""
+    """Grade of a person, 0 to 100, and whether it is complete."""
 
     score: int
     done: bool
@@ -70,7 +70,7 @@ def grade_of(lesson: Lesson, code: str, task: str = "") -> Grade | None:
 
 
 class GradeCourier:
-    """Thread that sends grades to the platforms, each after a saved cut.
+    """Thread that sends grades to the platforms after each saved cut.
 
     Parameters
     ----------
@@ -106,13 +106,13 @@ class GradeCourier:
         self._thread.start()
 
     def send_again(self) -> None:
-        """Let every grade that was refused wait again, and every platform that failed be asked at once."""
+        """Retry refused grades, and failed platforms, at once."""
         self._people.send_again()
         self._waits.clear()
         self._held.clear()
 
     def close(self) -> None:
-        """End within the answer that is awaited; what has not arrived stays in the database."""
+        """Stop within the awaited answer; unsent grades stay in the database."""
         self._end.set()
 
     def _run(self) -> None:
@@ -128,7 +128,7 @@ class GradeCourier:
             before = dict(self.troubles)
 
     def deliver(self) -> None:
-        """Send what is due, but to platforms that failed a short time ago."""
+        """Send due grades, except to platforms that failed recently."""
         for row in self._people.grades(due=True):
             if self._end.is_set():
                 return

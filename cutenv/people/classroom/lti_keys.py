@@ -1,4 +1,4 @@
-"""Keys of LTI 1.3: that of the class, in its folder, and those of the platforms, which may change at any time.
+"""Keys of LTI 1.3, of the class and of the platforms.
 
 Tokens are signed and checked by joserfc.  Only RS256 is accepted, which LTI requires: the header of a token can make it
 neither unsigned nor checked with a public key in place of a shared secret.
@@ -38,7 +38,9 @@ class BadToken(ValueError):
 
 
 class ToolKey:
-    """Key pair with which the class signs, made at its first use and kept in a file for its own account alone.
+    """Signing key pair of the class, made and filed at first use.
+
+    The file is for its own account alone.
 
     Parameters
     ----------
@@ -52,7 +54,7 @@ class ToolKey:
 
     @property
     def public(self) -> dict[str, Any]:
-        """Public key as a set of keys (JWKS), which platforms ask for."""
+        """Public key as a key set (JWKS) for platforms."""
         return {"keys": [self._key.as_dict(private=False, use="sig", alg="RS256")]}
 
     @cached_property
@@ -76,13 +78,13 @@ class ToolKey:
         return key
 
     def signed(self, claims: Mapping[str, Any], audience: str, now: datetime, lasts: int) -> str:
-        """Return claims as a token for an audience, signed, which holds for some seconds and is like no other one."""
+        """Return claims as a unique signed token, valid for some seconds."""
         moment = int(now.timestamp())
         timed = {"aud": audience, "iat": moment, "exp": moment + lasts, "jti": secrets.token_hex(16)}
         return jwt.encode({"alg": "RS256", "kid": self._key.kid}, {**claims, **timed}, self._key, _RS256)
 
     def opened(self, token: str, audience: str, now: datetime) -> dict[str, Any]:
-        """Return the claims of a token of :meth:`signed`; BadToken if it is none, or too old."""
+        """Return claims of a :meth:`signed` token; BadToken if invalid or expired."""
         claims = verified_claims(token, self._key)
         if claims.get("aud") != audience or not claims["exp"] > now.timestamp():
             raise BadToken("it is too old")
@@ -90,7 +92,7 @@ class ToolKey:
 
 
 def verified_claims(token: str, key: RSAKey) -> dict[str, Any]:
-    """Return the claims of a token whose signature, RS256, holds by a key; BadToken otherwise."""
+    """Return a token's claims after RS256 verification; BadToken otherwise."""
     try:
         return jwt.decode(token, key, _RS256).claims
     except (JoseError, ValueError, TypeError, KeyError, RecursionError) as error:
@@ -98,7 +100,7 @@ def verified_claims(token: str, key: RSAKey) -> dict[str, Any]:
 
 
 def unverified_claims(token: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return header and claims of a token without checking its signature; BadToken if it is malformed."""
+    """Return a token's header and claims unverified; BadToken if malformed."""
     if len(token) > _LONGEST_TOKEN:
         raise BadToken("it is too long")
     try:
@@ -112,7 +114,7 @@ def unverified_claims(token: str) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 class PlatformKeys:
-    """Public keys of the platforms, asked for when they are needed and remembered for an hour.
+    """Public keys of platforms, fetched on demand and cached an hour.
 
     A platform changes its keys whenever it likes: one that is not known is looked for again, but not more often than
     every ten seconds, so that forged launches cannot flood a platform with requests.
@@ -130,7 +132,7 @@ class PlatformKeys:
         self._locks: dict[str, threading.Lock] = {}
 
     def find(self, platform: Platform, kid: str) -> RSAKey | None:
-        """Return a key of a platform, None if it has no such key; PlatformUnreachable if its keys cannot be had."""
+        """Return a platform's key or None; PlatformUnreachable on failure."""
         url = platform.jwks_url
         with self._guard:
             lock = self._locks.setdefault(url, threading.Lock())
@@ -149,7 +151,7 @@ class PlatformKeys:
 
 
 def _keys_of(content: Mapping[str, Any]) -> dict[str, RSAKey]:
-    """Return the keys of a set that may sign, by their identifier; the others are passed over."""
+    """Return a key set's signing keys by identifier."""
     given, found = content.get("keys"), {}
     for each in given[:_MOST_KEYS] if isinstance(given, list) else ():
         if not isinstance(each, dict) or each.get("kty") != "RSA" or not isinstance(each.get("kid"), str):

@@ -1,4 +1,4 @@
-"""Launch from a learning platform (LTI 1.3): the way there and back through the browser, and what a launch must prove.
+"""Launch from a learning platform (LTI 1.3), and its checks.
 
 The browser that comes back must be the one that was sent: it holds a secret as a cookie, from which alone state and
 nonce follow, both of one platform.  So nothing is stored when anybody begins, and nothing of a browser's storage for
@@ -41,7 +41,7 @@ _LONGEST, _FARTHEST = 255, 1e12  # characters of an identifier; [s] from 1970
 
 
 class RefusedLaunch(ValueError):
-    """Launch that proves too little, or that the class has no use for; the text says why, with a cure."""
+    """Launch that proves too little or fits no use, with cure."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,12 +61,12 @@ class Launch:
 
     @property
     def is_choice(self) -> bool:
-        """True if an instructor is to choose what a link leads to (deep linking)."""
+        """True if an instructor chooses a link's target (deep linking)."""
         return bool(self.claims[f"{_CLAIM}message_type"] == DEEP_LINKING)
 
     @property
     def is_instructors(self) -> bool:
-        """True if the person is an instructor of the course; of the whole platform is not enough."""
+        """True if the person is an instructor of this course."""
         return _INSTRUCTOR in self.claims[f"{_CLAIM}roles"]
 
     @property
@@ -76,17 +76,17 @@ class Launch:
 
     @property
     def class_name(self) -> str:
-        """Short name of the platform's course, by which its people are a class; "" if there is none that fits."""
+        """Short course name that serves as class, or ""."""
         return _text(self._part("context").get("label"), 32).strip()
 
     @property
     def may_teach(self) -> bool:
-        """True if the person is an instructor of a course whose instructors are let into the teacher's pages."""
+        """True if the person may open the teacher's pages as course instructor."""
         return self.is_instructors and bool(self.course) and self.course in self.platform.teacher_courses
 
     @property
     def members_url(self) -> str:
-        """Address at which the platform lists the members of the course; "" if it offers no list."""
+        """Address of the platform's member list, or ""."""
         offered = _table(self.claims.get(_NRPS))
         versions = offered.get("service_versions")
         if not isinstance(versions, list) or _MEMBERS_VERSION not in versions:
@@ -98,7 +98,7 @@ class Launch:
 
     @property
     def learner(self) -> Learner:
-        """The person, as far as anything of it is kept; RefusedLaunch if it is no learner."""
+        """Person of the launch, as stored; RefusedLaunch if no learner."""
         if _LEARNER not in self.claims[f"{_CLAIM}roles"]:
             raise RefusedLaunch(
                 "You are no learner of this course on the learning platform. Ask its teacher to enrol you."
@@ -121,7 +121,7 @@ class Launch:
 
     @property
     def return_url(self) -> str:
-        """Address to which the choice goes back; RefusedLaunch if it can go nowhere."""
+        """Address that takes the choice; RefusedLaunch without one."""
         settings = _table(self.claims.get(f"{_DL}deep_linking_settings"))
         accepted = settings.get("accept_types")
         if not isinstance(accepted, list) or "ltiResourceLink" not in accepted:
@@ -132,7 +132,7 @@ class Launch:
         return _checked("deep_link_return_url", address, self.platform)
 
     def choices(self, key: ToolKey, launch_url: str, titles: Mapping[str, str], now: Any) -> dict[str, str]:
-        """Return the answer for each choice, signed: by task, "" for the whole course.
+        """Return signed answers by choice: a task, "" for the course.
 
         Parameters
         ----------
@@ -188,7 +188,7 @@ class LaunchDoor:
         self._keys = PlatformKeys() if keys is None else keys
 
     def sign_in(self, asked: Mapping[str, str], redirect_url: str) -> tuple[str, str, str]:
-        """Return where a platform's request to sign in leads, its state, and the secret for the browser to keep.
+        """Return redirect address, state and browser secret of a sign-in request.
 
         Parameters
         ----------
@@ -269,7 +269,7 @@ class LaunchDoor:
         return Launch(platform=platform, claims=claims)
 
     def _platform(self, claims: Mapping[str, Any]) -> Platform:
-        """Return the platform that a launch says it comes from, for this class as its audience."""
+        """Return the platform that a launch names, for this class."""
         issuer, audience = claims.get("iss"), _audience(claims)
         found = self._file.find(issuer, audience) if isinstance(issuer, str) and audience else []
         if len(found) != 1:
@@ -311,7 +311,10 @@ class LaunchDoor:
 
 
 def _derived(what: str, secret: str, platform: Platform) -> str:
-    """Return state or nonce of a launch; neither reveals the secret or the other."""
+    """Return a launch's state or nonce, derived from the secret.
+
+    Neither reveals the secret or the other.
+    """
     return hashlib.sha256("\0".join((what, secret, *platform.key)).encode()).hexdigest()
 
 
@@ -343,7 +346,7 @@ def _number(claims: Mapping[str, Any], name: str) -> float:
 
 
 def _text(value: Any, longest: int = _LONGEST) -> str:
-    """Return a text that a claim holds; "" for none, and for one that is too long or holds what is no letter."""
+    """Return a claim's text, "" if missing, too long or unprintable."""
     return value if isinstance(value, str) and len(value) <= longest and value.isprintable() else ""
 
 

@@ -1,4 +1,7 @@
-"""Members of a platform's course (LTI Names and Role Provisioning Services 2.0), asked for anew and kept nowhere."""
+"""Members of a platform's course, fetched and not stored.
+
+The service is LTI Names and Role Provisioning Services 2.0.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,7 @@ _LONGEST, _LONGEST_NAME, _MOST_ROLES = 255, 200, 20  # characters of an identifi
 
 
 class CourseMember(NamedTuple):
-    """Member of a course: the platform's identifier, name ("" if it gives none), roles in the course.
+    """Course member: platform identifier, name or "", and roles.
 
     ``roles`` are the last parts of the platform's identifiers, such as "Learner" and "Instructor".  ``active`` is False
     of one who may not open the course now.
@@ -39,12 +42,15 @@ class CourseMember(NamedTuple):
 
     @property
     def learns(self) -> bool:
-        """True of an active learner, of whom cuts are to be expected."""
+        """True for an active learner, who is expected to cut."""
         return self.active and "Learner" in self.roles
 
 
 class CourseMembers(NamedTuple):
-    """Members of a course, and its title; ``skipped`` had no identifier or roles, and ``more`` were not asked for."""
+    """Members and title of a course.
+
+    ``skipped`` had no identifier or roles, and ``more`` were not asked for.
+    """
 
     title: str
     members: tuple[CourseMember, ...]
@@ -57,7 +63,7 @@ class WrongMembers(PlatformUnreachable):
 
 
 def course_members(platform: Platform, course: str, members_url: str, tokens: AccessTokens) -> CourseMembers:
-    """Return the members of a course, as its platform lists them now.
+    """Return a course's present members from its platform.
 
     Deleted members are left out; of two entries of one person the later one holds.
 
@@ -114,7 +120,7 @@ def _present(found: Mapping[str, CourseMember | None]) -> tuple[CourseMember, ..
 
 
 def _pages(platform: Platform, members_url: str, tokens: AccessTokens) -> Iterator[dict[str, Any] | None]:
-    """Yield the pages of a list; None in place of those beyond the most, so that no list keeps the class for good."""
+    """Yield the pages of a list, None beyond the page limit."""
     ends, seen = time.monotonic() + _WITHIN, set[str]()
     place = urlsplit(members_url)
     query = [*parse_qsl(place.query, keep_blank_values=True), ("limit", str(_ON_A_PAGE))]
@@ -139,7 +145,7 @@ def _pages(platform: Platform, members_url: str, tokens: AccessTokens) -> Iterat
 
 
 def _next_page(url: str, about: Message) -> str:
-    """Return the address of the page after this one, "" after the last; it must be of the same server."""
+    """Return the next page's address on the same server, or ""."""
     for header in about.get_all("Link", []):
         for address, parameters in _LINK.findall(header):
             relations = " ".join(quoted or bare for quoted, bare in _RELATIONS.findall(parameters))
@@ -152,7 +158,7 @@ def _next_page(url: str, about: Message) -> str:
 
 
 def _member(given: Any) -> CourseMember | None:
-    """Return a member of a list; None if it has no identifier or no roles, or a state that is not known."""
+    """Return a list entry's member, or None if it is incomplete."""
     if not isinstance(given, dict):
         return None
     subject, roles, status = _identifier(given.get("user_id")), given.get("roles"), given.get("status", "Active")
@@ -166,7 +172,7 @@ def _member(given: Any) -> CourseMember | None:
 
 
 def _identifier(value: Any) -> str:
-    """Return an identifier of the platform, which some write as a number; "" for none."""
+    """Return an identifier as text, also from a number; else ""."""
     text = str(value) if isinstance(value, int) and not isinstance(value, bool) else value
     return text if isinstance(text, str) and len(text) <= _LONGEST and text.isprintable() else ""
 

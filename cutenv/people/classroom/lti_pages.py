@@ -1,4 +1,4 @@
-"""Pages and answers for learning platforms (LTI 1.3): launch, consent, choice of a link, keys, registration."""
+"""Pages for learning platforms (LTI 1.3): launch, consent, deep linking, registration."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class LtiPages:
         ]  # fmt: skip
 
     def _framed(self, answer: Callable[[Request], Awaitable[Response]]) -> Callable[[Request], Awaitable[Response]]:
-        """Return an answer whose refusals are pages that a platform may show inside its own."""
+        """Return an answer whose refusals may be shown in a frame."""
 
         async def answered(request: Request) -> Response:
             try:
@@ -93,11 +93,11 @@ class LtiPages:
         return translated(trouble[:_LONGEST_TROUBLE], self._site.language)
 
     async def _in_thread(self, called: Callable[..., T], *given: Any, **named: Any) -> T:
-        """Return what a call returns that may wait for a platform: not in the threads in which cuts are saved."""
+        """Run a call that may wait for a platform in separate threads."""
         return await anyio.to_thread.run_sync(partial(called, *given, **named), limiter=self._limit)
 
     def _page(self, name: str, status: int = 200, *, script: str = "", form: str = "'self'", **values: Any) -> Response:
-        """Answer with a page that may stand in a frame: it shows nothing of anybody, and a click on it does no harm."""
+        """Return a page that is harmless inside another site's frame."""
         answer = self._site.page(name, status, **values)
         run = f" script-src 'sha256-{script_digest(script)}';" if script else ""
         answer.headers["Content-Security-Policy"] = (
@@ -106,7 +106,7 @@ class LtiPages:
         return answer
 
     async def login(self, request: Request) -> Response:
-        """Send a browser, which a platform has sent, back to the platform to sign in there."""
+        """Redirect a platform's login request back to sign in there."""
         if not (request.url.scheme == "https" or is_loopback(request.url.hostname or "")):
             raise RefusedLaunch("The class is not served over https. Start it with --certificate and --key.")
         given: Any = request.query_params if request.method == "GET" else await request.form()
@@ -124,11 +124,11 @@ class LtiPages:
         return response
 
     def _cookie(self, state: str) -> str:
-        """Return the name of a launch's cookie: several may be on their way."""
+        """Return the cookie name of one of several launches."""
         return f"{self._site.person_cookie}_{state[:16] if state.isalnum() and state.isascii() else ''}"
 
     async def launch(self, request: Request) -> Response:
-        """Let the browser send a launch once more, from a page of the class: only then are its own cookies with it."""
+        """Resend a launch from the class's own page, with its cookies."""
         form = await request.form()
         if trouble := text_of(form, "error_description") or text_of(form, "error"):
             raise RefusedLaunch(f"The learning platform says: {trouble}")
@@ -136,7 +136,7 @@ class LtiPages:
         return self._page("lti_launch.html", script=_SUBMIT, code=_SUBMIT, sent=sent)
 
     async def enter(self, request: Request) -> Response:
-        """Let in whoever has a sound launch: an instructor who chooses or teaches, or a learner."""
+        """Admit a sound launch: an instructor or a learner."""
         form = await request.form()
         state = text_of(form, "state")
         secret = request.cookies.get(self._cookie(state), "")
@@ -168,7 +168,7 @@ class LtiPages:
         return self._site.sign(RedirectResponse("../cut", 303), self._site.person_cookie, token)
 
     async def agree(self, request: Request) -> Response:
-        """Sign a person in who consents; nothing of the person was stored before."""
+        """Sign in a person who consents; nothing was stored before."""
         return await self._in_thread(self._agreed, await request.form())
 
     def _agreed(self, form: FormData) -> Response:
@@ -189,7 +189,7 @@ class LtiPages:
         return self._signed_in(code)
 
     def _choice(self, launch: Launch, launch_url: str) -> Response:
-        """Return the page on which an instructor chooses the course or a task of one that is open to the class."""
+        """Return the instructor's page for choosing a course or task."""
         address, courses = launch.return_url, self._lesson.courses_open_to(launch.class_name)
         name = partial(course_name, self._site.language)
         titles = {"": name(courses[0].name) if len(courses) == 1 else self._site.title}
@@ -228,13 +228,13 @@ class LtiPages:
         )  # fmt: skip
 
     async def registered(self, request: Request) -> Response:
-        """Register the class with a platform that was invited, and let the platform close the window."""
+        """Register the class with an invited platform and close its window."""
         asked = [request.query_params.get(name, "") for name in ("openid_configuration", "registration_token")]
         platform = await self._in_thread(self._desk.register, request.path_params["invitation"], *asked)
         return self._page("lti_registered.html", script=_CLOSE, code=_CLOSE, platform=platform)
 
     async def members(self, request: Request) -> Response:
-        """Show who of the platforms' courses has cut, and who not yet, by the names that the platforms give now."""
+        """Show who of the platforms' courses has cut, by name."""
         return await self._in_thread(self._members)
 
     def _members(self) -> Response:
@@ -242,7 +242,7 @@ class LtiPages:
         return self._site.page("lti_members.html", root="../", rosters=rosters)
 
     async def register(self, request: Request) -> Response:
-        """Add, invite or remove a platform, or send grades again that were refused."""
+        """Add, invite or remove a platform, or resend refused grades."""
         return await self._in_thread(self._register, request, await request.form())
 
     def _register(self, request: Request, form: FormData) -> Response:
@@ -272,7 +272,7 @@ _FIELDS = {
 
 
 def _platform_of(filled: dict[str, str]) -> Platform:
-    """Return the platform of a form, whose lists are parted by commas."""
+    """Return a form's platform, from lists separated by commas."""
     content: dict[str, Any] = dict(filled)
     for name in ("deployments", "teacher_courses"):
         content[name] = [part.strip() for part in filled[name].split(",") if part.strip()]

@@ -1,4 +1,4 @@
-"""People of a learning platform in the class's database: their codes, and where their grades go."""
+"""Learning platforms' people in the database: codes and grade columns."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _REMEMBERED = timedelta(hours=2)  # longer than any launch is accepted
 
 
 class Learner(NamedTuple):
-    """Person whom a platform has sent: all of a launch that is kept, and no name.
+    """Person sent by a platform, as stored: no name.
 
     ``issuer``, ``deployment`` and ``subject`` are the platform's identifiers and ``client_id`` that of the class there.
     ``class_name`` is the short name of the platform's course, "" without one that fits.  ``line_item`` is the address
@@ -35,7 +35,10 @@ class Learner(NamedTuple):
 
 
 class GradeRow(NamedTuple):
-    """Place of a person's grade, and what went there: ``sent`` None before the first, ``trouble`` "" without one."""
+    """Grade column of a person, and what was sent.
+
+    ``sent`` is None before the first, ``trouble`` "" without one.
+    """
 
     code: str
     line_item: str
@@ -63,7 +66,7 @@ class LtiPeople:
         self._store = store
 
     def use_once(self, nonce: str) -> bool:
-        """Note that a launch is used; return False if it was before."""
+        """Mark a launch as used; return False if it was."""
         now = self._store.clock()
         digest = hashlib.sha256(nonce.encode()).hexdigest()
         old = LTI_NONCES.c.expires < _written(now)
@@ -77,12 +80,12 @@ class LtiPeople:
         return True
 
     def code_of(self, learner: Learner) -> str | None:
-        """Return the code of a person, None of one who was not here before."""
+        """Return a person's code, None for a new one."""
         with self._store.engine.begin() as connection:
             return connection.execute(select(LTI_PEOPLE.c.code).where(_is(learner))).scalar_one_or_none()
 
     def codes(self, issuer: str) -> dict[str, list[str]]:
-        """Return the codes of everybody from a platform, by the platform's identifier of the person."""
+        """Return codes of a platform's people by its identifier of them."""
         mine = select(LTI_PEOPLE.c.subject, LTI_PEOPLE.c.code).where(LTI_PEOPLE.c.issuer == issuer)
         found: dict[str, list[str]] = {}
         with self._store.engine.begin() as connection:
@@ -91,7 +94,7 @@ class LtiPeople:
         return found
 
     def note_members_url(self, issuer: str, client_id: str, course: str, members_url: str) -> None:
-        """Note where a platform lists the members of a course, "" if it offers no list."""
+        """Note the address of a course's member list, or ""."""
         values = {"issuer": issuer, "client_id": client_id, "course": course, "members_url": members_url}
         if self.members_url(issuer, client_id, course) == members_url:
             return
@@ -100,13 +103,13 @@ class LtiPeople:
             connection.execute(insert(LTI_COURSES).values(**values))
 
     def members_url(self, issuer: str, client_id: str, course: str) -> str | None:
-        """Return where a platform lists the members of a course; "" for nowhere, None before the first launch."""
+        """Return the member list's address, "" or, before any launch, None."""
         wanted = select(LTI_COURSES.c.members_url).where(_is_course(issuer, client_id, course))
         with self._store.engine.begin() as connection:
             return connection.execute(wanted).scalar_one_or_none()
 
     def enter(self, learner: Learner) -> str:
-        """Return a person's code, made for the first time, and note where the grade goes."""
+        """Return a person's code, new if necessary, and note the grade column."""
         code = self.code_of(learner)
         if code is None:
             code = self._new_code(learner)
@@ -142,7 +145,7 @@ class LtiPeople:
             connection.execute(insert(LTI_GRADES).values(**fresh, **now))
 
     def grades(self, *, due: bool = False) -> list[GradeRow]:
-        """Return all places of grades in order of the codes, or those that wait for a grade.
+        """Return grade columns by code, all or those due.
 
         One waits if its person has other saved cuts than those that the grade sent last takes in.  So a saved
         cut waits from then on, also after a crash of the server.
@@ -168,12 +171,12 @@ class LtiPeople:
         ]  # fmt: skip
 
     def sent(self, row: GradeRow, score: int) -> None:
-        """Note that a grade has arrived, which takes in the row's cuts."""
+        """Note that a grade with the row's cuts has arrived."""
         now = _written(self._store.clock())
         self._change(row, counted=row.cuts, sent=score, since=now, trouble="")
 
     def refused(self, row: GradeRow, trouble: str) -> None:
-        """Note that the platform takes no such grade, and why; the next cut is tried again."""
+        """Note a refused grade and why, until the next cut."""
         self._change(row, counted=row.cuts, trouble=trouble[:_LONGEST_TROUBLE])
 
     def send_again(self) -> None:

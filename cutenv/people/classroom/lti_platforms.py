@@ -1,4 +1,4 @@
-"""Learning platforms with which a class is registered (LTI 1.3): one TOML file in the class's folder."""
+"""Learning platforms registered with a class (LTI 1.3), in TOML."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _LONGEST, _MOST = 255, 100  # characters of an identifier, as LTI has it; entrie
 
 
 def checked_address(field: str, address: str, *, local: bool = False) -> str:
-    """Return an address of a platform that may be asked: https, or http of this machine if the platform is on it.
+    """Return a platform's address if https, or http on a local platform.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ class Platform:
 
     @property
     def is_local(self) -> bool:
-        """True if the platform runs on this machine, as in a trial."""
+        """True if the platform runs on this machine for trials."""
         return is_loopback(urlsplit(self.issuer).hostname or "")
 
     @property
@@ -175,12 +175,12 @@ class PlatformFile:
         return self._known
 
     def find(self, issuer: str, client_ids: Sequence[str] = ()) -> list[Platform]:
-        """Return the registrations with an issuer, under any of the clients if some are given."""
+        """Return registrations of an issuer, optionally of some clients."""
         known = [each for each in self.platforms if each.issuer == issuer]
         return [each for each in known if not client_ids or each.client_id in client_ids]
 
     def add(self, platform: Platform) -> None:
-        """Add a platform, in place of an earlier registration of the same client; ValueError if the file is damaged."""
+        """Add or replace a client's registration; ValueError for a damaged file."""
         self._write([each for each in self.sound() if each.key != platform.key] + [platform])
 
     def drop(self, issuer: str, client_id: str) -> None:
@@ -228,7 +228,7 @@ def read_platforms(path: Path) -> tuple[Platform, ...]:
 
 
 def platform_of(content: Mapping[str, Any]) -> Platform:
-    """Return the platform of a table of the file; TypeError or ValueError names what is wrong with it."""
+    """Return a file table's platform; TypeError or ValueError names the fault."""
     for key in content:
         if key not in _FIELDS:
             raise ValueError(f"{key!r} is not known.{nearest_choices(key, _FIELDS)} It takes {', '.join(_FIELDS)}.")
@@ -240,7 +240,7 @@ def platform_of(content: Mapping[str, Any]) -> Platform:
 
 
 def platforms_toml(platforms: Sequence[Platform]) -> str:
-    """Return the text of the file, which :func:`read_platforms` reads as the same platforms."""
+    """Return the file's text, as :func:`read_platforms` reads it."""
     tables = []
     for each in platforms:
         filled = {key: value for key, value in dataclasses.asdict(each).items() if value}

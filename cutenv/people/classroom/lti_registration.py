@@ -1,4 +1,4 @@
-"""Registration that a learning platform asks for by itself (LTI Dynamic Registration 1.0 of 1EdTech).
+"""Registration on a platform's request (LTI Dynamic Registration 1.0).
 
 The teacher's page makes an invitation, and an administrator gives its address to the platform, which opens it with the
 address of its configuration.  An invitation is signed by the class's key and names the address of the class, so that
@@ -32,11 +32,11 @@ _BY_HAND = "Enter the platform by hand."
 
 
 class RefusedRegistration(ValueError):
-    """Registration without an invitation that holds, or of a platform that does not describe itself soundly."""
+    """Registration without valid invitation, or with an unsound platform description."""
 
 
 class RegistrationDesk:
-    """Desk at which platforms register that were invited, each invitation once and within an hour.
+    """Registration of invited platforms, once within an hour per invitation.
 
     Parameters
     ----------
@@ -58,7 +58,9 @@ class RegistrationDesk:
         return self._tool.key.signed({"base": base}, _INVITATION, self._clock(), _HOLDS)
 
     def register(self, invitation: str, configuration_url: str, token: str) -> Platform:
-        """Register the class with a platform and keep the platform; once that is asked, the invitation is used up.
+        """Register the class with a platform, and save the platform.
+
+        The invitation is used up once the platform is asked.
 
         Parameters
         ----------
@@ -100,7 +102,7 @@ class RegistrationDesk:
             return self._keep(content, answer)
 
     def _asked_for(self, base: str) -> dict[str, Any]:
-        """Return the registration that the class asks for: no name and no e-mail address of anybody."""
+        """Return the registration request, without names and e-mail addresses."""
         at = {name: base + path for name, path in self._paths.items()}
         choice = {"type": DEEP_LINKING, "target_link_uri": at["choose"], "label": self._title}
         return {
@@ -130,7 +132,10 @@ _OVER = "This registration address has been used or is too old. Make a new one o
 
 
 def _content_of(described: Mapping[str, Any], url: str, *, local: bool) -> dict[str, Any]:
-    """Return what a platform's configuration says for its table in the file; it may speak for itself alone."""
+    """Return the file content from a platform's configuration.
+
+    The platform may describe itself alone.
+    """
     issuer = checked_address("issuer", _text(described, "issuer"), local=local)
     if not url.startswith(f"{issuer.rstrip('/')}/"):
         raise RefusedRegistration(f"{url} cannot speak for the platform {issuer!r}. {_BY_HAND}")

@@ -1,4 +1,4 @@
-"""Requests to a learning platform: within a time and up to a size, and without redirects."""
+"""Requests to platforms, limited in time and size, without redirects."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ _OPENER = urllib.request.build_opener(NoRedirects)
 
 
 class PlatformUnreachable(OSError):
-    """A platform that does not answer, or not with what it should; another attempt may succeed."""
+    """Platform without a proper answer; a retry may succeed."""
 
 
 class PlatformRefused(PlatformUnreachable):
-    """A platform that answers with an error; ``status`` is that of HTTP."""
+    """Platform that answers with an error, of HTTP ``status``."""
 
     def __init__(self, url: str, status: int) -> None:
         super().__init__(f"{without_query(url)} answers {status}")
@@ -30,7 +30,7 @@ class PlatformRefused(PlatformUnreachable):
 
 
 def asked(url: str, content: bytes | None = None, headers: Mapping[str, str] | None = None) -> tuple[bytes, Message]:
-    """Return a platform's answer to a request and its headers: POST with ``content``, and GET without.
+    """Return a platform's answer and headers: POST with ``content``, else GET.
 
     Raises
     ------
@@ -62,12 +62,12 @@ def asked(url: str, content: bytes | None = None, headers: Mapping[str, str] | N
 
 
 def asked_for_json(url: str, content: bytes | None = None, headers: Mapping[str, str] | None = None) -> dict[str, Any]:
-    """Return the JSON object of a platform's answer; PlatformUnreachable as :func:`asked`, and if it is none."""
+    """Return an answer's JSON object; PlatformUnreachable as in :func:`asked`, or if invalid."""
     return json_object(url, asked(url, content, {"Accept": "application/json", **(headers or {})})[0])
 
 
 def json_object(url: str, content: bytes) -> dict[str, Any]:
-    """Return the JSON object that an answer holds; PlatformUnreachable if it is none."""
+    """Return an answer's JSON object; PlatformUnreachable if it is none."""
     try:
         found = json.loads(content)
     except (ValueError, RecursionError):

@@ -1,4 +1,4 @@
-"""Access tokens of learning platforms (OAuth 2.0 client credentials), by a statement that the class's key signs."""
+"""Access tokens of platforms (OAuth 2.0 client credentials), by signed assertion."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _ASSERTION_TYPE = "urn:ietf:params:oauth:client-assertion-type:jwt-bearer"
 
 
 class AccessTokens:
-    """Access tokens, one for each platform and scope, kept until they end.
+    """Access tokens by platform and scope, cached until they expire.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class AccessTokens:
         self._tokens: dict[tuple[str, str, str], tuple[str, float]] = {}
 
     def forget(self, platform: Platform, scope: str) -> None:
-        """Let the next use ask for a new token: the platform does not take the present one."""
+        """Drop a rejected token, so that the next use requests one."""
         self._tokens.pop((*platform.key, scope), None)
 
     def find(self, platform: Platform, scope: str) -> str:

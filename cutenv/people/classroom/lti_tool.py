@@ -1,4 +1,4 @@
-"""The class as a tool of learning platforms (LTI 1.3): platforms, key, launches and grades together."""
+"""LTI 1.3 tool of the class: platforms, key, launches and grades."""
 
 from __future__ import annotations
 

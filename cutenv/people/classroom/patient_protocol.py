@@ -1,4 +1,4 @@
-"""Connections of a class's server, which none may hold that asks for nothing: limits by address, and of time."""
+"""Limits on idle connections to a class's server, by address and time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ MOST_CONNECTIONS = 250
 
 
 class PatientProtocol(H11Protocol):
-    """HTTP/1.1 of uvicorn, which closes a connection that sends no header in time, or of an address with too many."""
+    """HTTP/1.1 of uvicorn that closes slow or too numerous connections.
+
+    A header must come in time, and an address has only so many connections.
+    """
 
     _of_address: ClassVar[defaultdict[str, dict[PatientProtocol, None]]] = defaultdict(dict)  # in order
 
@@ -49,7 +52,7 @@ class PatientProtocol(H11Protocol):
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """Read what has come: part of a header goes on to be waited for."""
+        """Read data; a partial header is waited for."""
         super().data_received(data)
         if self.conn.their_state is not h11.IDLE:
             self._answer()
@@ -57,7 +60,7 @@ class PatientProtocol(H11Protocol):
             self._wait()
 
     def _drop(self) -> None:
-        """Close a connection, which counts no more from now on; the loop may take further ones before it is lost."""
+        """Close a connection, which stops counting at once."""
         self._forget()
         self.connections.discard(self)
         self.transport.close()
@@ -79,7 +82,7 @@ class PatientProtocol(H11Protocol):
 
 
 def _network(address: str) -> str:
-    """Return the address, or of IPv6 the network of 64 bits, which is one household's."""
+    """Return the address, or of IPv6 the /64 network of a household."""
     try:
         found = ipaddress.ip_address(address.partition("%")[0])
     except ValueError:

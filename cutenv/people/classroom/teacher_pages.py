@@ -1,4 +1,4 @@
-"""Pages of a class for its teacher: list, people, codes, records, studies, pass marks, other programs' records."""
+"""Teacher's pages: people, codes, records, studies, pass marks, uploads."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ class TeacherPages:
         ]
 
     async def teacher_page(self, request: Request) -> Response:
-        """Show the list of the class, or where the teacher signs in."""
+        """Show the class list, or the teacher's sign-in."""
         if not await self._site.is_teacher(request):
             return self._site.page("teacher_sign_in.html", trouble="")
         shown = await run_in_threadpool(overview, self._lesson, self._site.language)
@@ -154,7 +154,7 @@ class TeacherPages:
         return answer
 
     async def try_lesson(self, request: Request) -> Response:
-        """Let the teacher cut as somebody of no code would, from the beginning; nothing of it counts."""
+        """Let the teacher cut as a learner without code, uncounted."""
         await run_in_threadpool(self._lesson.delete, TRIAL)
         await run_in_threadpool(self._lesson.store.add_code, TRIAL)
         await run_in_threadpool(self._lesson.put, [TRIAL], course=text_of(await request.form(), "course"))
@@ -171,7 +171,7 @@ class TeacherPages:
         return RedirectResponse(f"../{code}", 303)
 
     async def sheet(self, request: Request) -> Response:
-        """Show codes to print and cut apart, of everybody or of one class."""
+        """Show codes for printing, of everybody or one class."""
         store, chosen = self._lesson.store, request.query_params.get("class", "")
         codes, places = await run_in_threadpool(lambda: (store.codes(), store.places()))
         slips = [(code, places.get(code, Place()).class_name) for code, _ in codes]
@@ -247,7 +247,7 @@ class TeacherPages:
 
 
 def qr_code(address: str, code: str) -> str:
-    """Return a QR code by which a telephone opens the class with a code filled in, as SVG; "" without segno."""
+    """Return an SVG QR code of the sign-in address, "" without segno."""
     try:
         import segno  # an extra
     except ImportError:
@@ -364,7 +364,7 @@ class StudyPages:
 
 
 def _begun(site: ClassSite, form: FormData) -> str:
-    """Begin the study or the setting of pass marks that a form asks for; return its id, ValueError if it cannot be."""
+    """Begin a form's analysis; return its id, ValueError if impossible."""
     lesson, words = site.lesson, site.words
     kind = PASS_MARK_KIND if form.get("kind") == PASS_MARK_KIND else STUDY_KIND
     classes, codes = form.getlist("class"), form.getlist("code")
@@ -471,7 +471,7 @@ class UploadPages:
         return await run_in_threadpool(self.upload_page, self._lesson.uploads.find(request.path_params["number"]))
 
     async def pick(self, request: Request) -> Response:
-        """Read the cuts of files as the form says, keep or drop them."""
+        """Read uploaded cuts by the form, and save or drop them."""
         staged = self._lesson.uploads.find(request.path_params["number"])
         given = await request.form()
         form = {name: text_of(given, name) for name in given}

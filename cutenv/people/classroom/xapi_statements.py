@@ -1,4 +1,4 @@
-"""xAPI statements of cuts: queued in the class's database, delivered later, again if it fails, never twice."""
+"""xAPI statements of cuts, queued in the database and delivered once."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ _waits = (
 
 
 class StatementQueue:
-    """Saved cuts, of people who agreed to it, whose statements have not been delivered.
+    """Saved cuts of consenting people with undelivered statements.
 
     The cuts themselves are the queue: a cut that is saved waits, whatever happens to the server then.
 
@@ -62,7 +62,7 @@ class StatementQueue:
         CLASS_METADATA.create_all(store.engine, tables=[_agreed, _delivered])
 
     def agree(self, code: str) -> None:
-        """Note that a person agreed that statements of the cuts from now on are sent."""
+        """Note a person's consent to statements of cuts from now on."""
         with suppress(IntegrityError), self._store.engine.begin() as connection:  # who agreed before has done so
             connection.execute(
                 insert(_agreed).values(code=code, since=self._store.clock().isoformat(timespec="microseconds"))
@@ -85,7 +85,7 @@ class StatementQueue:
             return int(connection.execute(select(func.count()).select_from(CUTS, _agreed).where(_waits)).scalar_one())
 
     def done(self, number: str, trouble: str = "") -> None:
-        """Note that a cut's statement has arrived, or that it never will, with the reason."""
+        """Mark a cut's statement as delivered, or as failed with reason."""
         with suppress(IntegrityError), self._store.engine.begin() as connection:  # another server's, or deleted by now
             connection.execute(insert(_delivered).values(cut=number, trouble=trouble[:300]))
 
@@ -105,7 +105,7 @@ _REFUSED_FOR_GOOD = (400, 413, 422)  # what another attempt would not change
 
 
 class Courier:
-    """Thread that delivers a statement of every saved cut of people who agreed to that.
+    """Thread that delivers statements of consenting people's saved cuts.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ class Courier:
         self._thread.start()
 
     def close(self) -> None:
-        """End within the answer that is awaited; what is not delivered stays in the queue."""
+        """Stop within the awaited answer; undelivered statements stay queued."""
         self._end.set()
 
     def _run(self) -> None:
@@ -156,7 +156,7 @@ class Courier:
             wait = min(2 * wait, _SLOWEST) if trouble else _EVERY
 
     def deliver(self) -> str:
-        """Deliver what is due; return what prevented the rest, "" if nothing did."""
+        """Deliver what is due; return what prevented the rest, or ""."""
         try:
             for cut in self.queue.due(_AT_ONCE):
                 if self._end.is_set():
@@ -197,7 +197,7 @@ class Courier:
 
 
 class NoRedirects(urllib.request.HTTPRedirectHandler):
-    """Handler that refuses redirects: they would take statements and login to an unknown address."""
+    """Handler that refuses redirects, which could leak statements and login."""
 
     def redirect_request(self, *_: Any) -> None:
         """Follow none."""

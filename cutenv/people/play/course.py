@@ -1,4 +1,4 @@
-"""Course: a TOML file of tasks in order, each with specimens, a mark to reach, repetitions, and when force is shown."""
+"""Course: TOML file of tasks with specimens, marks, repetitions and feedback."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ MARKED_METRICS: Mapping[str, MarkedMetric] = _marked_metrics()
 
 
 def marked_numbers(card: ScoreCard) -> dict[str, float]:
-    """Return the numbers of a card that a mark may limit, by metric, SI; without those that are not known."""
+    """Return a card's known metrics that a mark may limit [SI]."""
     found = {_SCORE: card.overall_score} | {name: value.value for name, value in card.metrics.items()}
     names = dict.fromkeys(about.name for about in MARKED_METRICS.values())
     return {name: float(value) for name in names if (value := found.get(name)) is not None}
@@ -151,11 +151,11 @@ class CourseTask:
 
     @property
     def of_line(self) -> dict[str, Any]:
-        """Kind of line as a keyword of a cut; nothing for a task without a line."""
+        """Kind of line as keyword of a cut; empty without one."""
         return {"line": self.line} if TASKS[self.task].line else {}
 
     def misses(self, numbers: Mapping[str, float], language: str = "en") -> tuple[str, ...]:
-        """Return in words by what a cut of such :func:`marked_numbers` misses the mark; () if it reaches it."""
+        """Return missed limits in words, by :func:`marked_numbers`; () if none."""
         return tuple(words for key, limit in self.mark.items() if (words := _missed(key, limit, numbers, language)))
 
     def demand(self, language: str = "en") -> str:
@@ -191,7 +191,7 @@ class Course:
 
     @property
     def warm_up_task(self) -> CourseTask:
-        """Task of a warm-up cut: as the first one, on new specimens, with the force shown and nothing to reach."""
+        """Warm-up task: the first on new specimens, force shown, no mark."""
         first = self.tasks[0]
         return CourseTask(
             name=WARM_UP,
@@ -208,7 +208,7 @@ class Course:
         return tuple(dict.fromkeys(task.task for task in self.tasks))
 
     def for_operator(self, operator: str) -> Course:
-        """Return the course as one person goes through it: a crossover's feedback exchanged for an even number.
+        """Return a person's course, a crossover's feedback swapped for even numbers.
 
         The number is the first one in the code, so that codes counted from 1 on are divided into equal halves.
 
@@ -229,7 +229,7 @@ class Course:
 
 
 def named_course(given: str) -> Course:
-    """Read a course by the path of its file, or by the name of one that comes with the package.
+    """Read a course by file path, or by packaged name.
 
     Raises
     ------
@@ -299,20 +299,20 @@ def course_of(content: Mapping[str, Any]) -> Course:
 
 
 def course_toml(course: Course) -> str:
-    """Return the text of a course's file, which :func:`read_course` reads as the same course."""
+    """Return a course as file text, as :func:`read_course` reads it."""
     parts = [_entries(course_content(course))]
     parts += [f"[[task]]\n{_entries(task_content(task))}" for task in course.tasks]
     return "\n".join(parts)
 
 
 def course_content(course: Course) -> dict[str, Any]:
-    """Return what stands above the tasks in a course's file, by key; without what is the default."""
+    """Return a course file's non-default keys above the tasks."""
     further = {"demonstration": course.demonstration, "warm_up": course.warm_up}
     return {"name": course.name, "about": course.about} | {key: value for key, value in further.items() if value}
 
 
 def task_content(task: CourseTask) -> dict[str, Any]:
-    """Return a task as it stands in a file, by key; without what is the default."""
+    """Return a task's non-default keys as in a file."""
     least = CourseTask(name="", specimen_class="")
     fields = {_FIELDS.get(key, key): key for key in _TASK_KEYS}
     found = {key: getattr(task, name) for name, key in fields.items() if getattr(task, name) != getattr(least, name)}
@@ -458,7 +458,7 @@ def _limit(key: str, limit: float, language: str) -> str:
 
 
 def _missed(key: str, limit: float, numbers: Mapping[str, float], language: str) -> str:
-    """Return by what a cut misses a limit, in words; "" if it keeps it."""
+    """Return in words how a cut misses a limit, or ""."""
     about = MARKED_METRICS[key]
     value = numbers.get(about.name)
     asked = _limit(key, limit, language)

@@ -90,7 +90,7 @@ class CourseProgress:
 
     @property
     def task(self) -> CourseTask | None:
-        """Present task: a warm-up before the first cut, then the first that is not over; None when the course is."""
+        """Present task: warm-up, then the first open one, else None."""
         task = self._unfinished
         warming = self._warmed < self.course.warm_up and not any(self._begun.values())
         return self.course.warm_up_task if warming and task is not None and not self.waits else task
@@ -127,7 +127,7 @@ class CourseProgress:
         return CourseSpecimen(task.specimen_class, seed, task.target_length)
 
     def metadata(self) -> dict[str, Any]:
-        """Return what the record of the next cut has to note, so that the progress can be read from it."""
+        """Return record metadata of the next cut that restores the progress."""
         task = self.task
         assert task is not None  # no cut is made after the last task
         return self.facts(task)
@@ -139,7 +139,10 @@ class CourseProgress:
         return facts | ({"crossover": True} if task.crossover else {})
 
     def add(self, card: ScoreCard, end: str, task: CourseTask | None = None) -> None:
-        """Count a cut of a task, by default the present one, and say in :attr:`verdicts` if it reached the mark."""
+        """Count a cut of a task, and set :attr:`verdicts`.
+
+        The task is the present one by default.
+        """
         task = self.task if task is None else task
         assert task is not None
         numbers = marked_numbers(card)
@@ -151,7 +154,7 @@ class CourseProgress:
         self.verdicts = {language: _verdict(task, numbers, end, missed, language) for language in languages()}
 
     def count(self, name: str, numbers: Mapping[str, float], end: str) -> bool:
-        """Count a cut of a task by its numbers; return whether it misses what counts towards the repetitions."""
+        """Count a cut of a task; return whether it misses the requirements."""
         task = next(task for task in self.course.tasks if task.name == name)
         missed = end == GIVEN_UP or bool(task.misses(numbers))
         self._counted[name].append(not missed)
@@ -159,7 +162,7 @@ class CourseProgress:
         return missed
 
     def skip(self, name: str) -> None:
-        """Pass over the specimen of a cut that was begun and can neither reach nor miss the mark; count a warm-up."""
+        """Skip an abandoned cut's specimen, and count a warm-up."""
         if name == WARM_UP:
             self._warmed += 1
         else:
@@ -167,7 +170,7 @@ class CourseProgress:
 
     @property
     def verdict(self) -> str:
-        """Verdict on the last cut of this session, in English; "" before the first."""
+        """Verdict on the session's last cut, in English, or ""."""
         return self.verdicts.get("en", "")
 
     def ahead(self, language: str = "en") -> str:
@@ -202,12 +205,12 @@ class CourseProgress:
         return named == (self.course.name, self.operator) and facts.get("task") in (*self._counted, WARM_UP)
 
     def _in_row(self, task: CourseTask) -> int:
-        """Return the number of cuts that count towards the repetitions now: in a row if there is a mark."""
+        """Return cuts that count towards repetitions, consecutive with a mark."""
         counted = self._counted[task.name]
         return _longest_end(counted) if task.mark else sum(counted)
 
     def _is_over(self, task: CourseTask) -> bool:
-        """Return whether a task is done, its attempts are used, or it is closed."""
+        """Return whether a task is done, out of attempts, or closed."""
         used = task.attempts is not None and len(self._counted[task.name]) >= task.attempts
         return used or (task.closes is not None and self._clock() >= task.closes) or self._is_done(task)
 

@@ -6,10 +6,10 @@ from cutenv._base.language_files import course_texts, shipped_names
 
 
 def course_words(language: str, key: str, **values: object) -> str:
-    """Return a sentence, a rule of feedback or the name of a metric, filled with values."""
+    """Return a translated sentence, feedback rule or metric name with values."""
     return course_texts(language).get(key, key.replace("_", " ")).format(**values)
 
 
 def course_name(language: str, name: str) -> str:
-    """Return the name of a course or a task in a language if it comes with cutenv; a teacher's own stays as it is."""
+    """Return a packaged course's or task's name translated, others unchanged."""
     return shipped_names(language).get(name, name)

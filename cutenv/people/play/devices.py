@@ -1,4 +1,4 @@
-"""Common input devices, mouse and gamepad, and a hand that follows a script."""
+"""Input devices mouse and gamepad, and a scripted hand."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def _within_width(across: float) -> float:
 
 
 def within_angles(angle: float) -> float:
-    """Return the nearest angle that the blade can have [rad]: upright, or inclined to 45 degrees."""
+    """Return the nearest possible blade angle [rad], upright to 45 degrees."""
     return min(max(angle, INCLINED), _UPRIGHT)
 
 
@@ -55,7 +55,7 @@ def _within_reach(level: float) -> float:
 
 
 def _beyond_slack(name: str, stick: float) -> float:
-    """Return how far a stick is held beyond what is ignored around its middle, -1 to 1."""
+    """Return a stick's deflection beyond its dead zone, -1 to 1."""
     held = in_range(name, stick, -1.01, 1.01, "1", "Axes of a gamepad reach from -1 to 1.")
     slack = max(abs(held) - STICK_DEAD_ZONE, 0.0) / (1.0 - STICK_DEAD_ZONE)
     return math.copysign(min(slack, 1.0), held)
@@ -91,16 +91,16 @@ class LedHand:
         self.open()
 
     def open(self) -> None:
-        """Begin a cut at the clamp, at the level where the blade stands."""
+        """Begin a cut at the clamp, at the blade's level."""
         self.position = self.across = self.level = 0.0
 
     def move(self, distance: float, across: float = 0.0) -> None:
-        """Move the place by ``distance`` along the slab and ``across`` it [m], as far as the hand can follow."""
+        """Move the place by ``distance`` and ``across`` [m], within reach."""
         self.position = _within_travel(self.position + in_range("distance", distance, -10.0, 10.0, "m"))
         self.across = _within_width(self.across + in_range("across", across, -10.0, 10.0, "m"))
 
     def keep_near(self, hand: float, across: float = 0.0) -> None:
-        """Forget what leads the hand, at this place, by more than :data:`LEAD`: a flick must not run the cut away."""
+        """Limit the lead over this place to :data:`LEAD`."""
         ahead, aside = self.position - hand, self.across - across
         distance = math.hypot(ahead, aside)
         if distance > LEAD:
@@ -108,7 +108,7 @@ class LedHand:
             self.across = _within_width(across + LEAD * (aside / distance))
 
     def read(self) -> Stylus:
-        """Let the place move on by a millisecond; return it [m], the angle of the blade [rad] and its level [m]."""
+        """Advance a millisecond; return place [m], angle [rad] and level [m]."""
         along, across = self.velocity
         self.position = _within_travel(self.position + along * TICK)
         self.across = _within_width(self.across + across * TICK)
@@ -128,21 +128,21 @@ class MouseDevice(LedHand):
     """
 
     def open(self) -> None:
-        """Begin a cut at the clamp, upright, at the level where the blade stands."""
+        """Begin a cut at the clamp, upright, at the blade's level."""
         super().open()
         self.angle = _UPRIGHT
 
     def turn(self, notches: float) -> None:
-        """Turn the wheel: toward the person (negative) leans the blade, away from them raises it."""
+        """Lean (negative, toward the person) or raise the blade by wheel."""
         self.angle = within_angles(self.angle + NOTCH * in_range("notches", notches, -1e3, 1e3, "1"))
 
     def lower(self, notches: float) -> None:
-        """Turn the wheel where the blade's depth is led: toward the person (negative) lowers it, away raises it."""
+        """Lower (negative, toward the person) or raise the level by wheel."""
         moved = LOWERED_BY_NOTCH * in_range("notches", notches, -1e3, 1e3, "1")
         self.level = _within_reach(self.level + moved)
 
     def hold_keys(self, along: float, across: float) -> None:
-        """Let arrow keys move the hand at :data:`KEY_SPEED`, ``along`` and ``across`` being -1, 0 or 1."""
+        """Move the hand by arrow keys at :data:`KEY_SPEED`; -1, 0 or 1."""
         size = KEY_SPEED / max(math.hypot(along, across), 1.0)
         self.velocity = size * along, size * across
 
@@ -183,7 +183,7 @@ class GamepadDevice(LedHand):
         self.angle = _UPRIGHT - pulled * (_UPRIGHT - INCLINED)
 
     def read(self) -> Stylus:
-        """Advance the hand by a millisecond; return its place [m], and angle [rad] and level [m] of the blade."""
+        """Move the hand by the sticks for a millisecond; return its :class:`Stylus`."""
         self.level = _within_reach(self.level - DESCENT_SCALE * self._second * TICK)
         return super().read()
 
@@ -246,7 +246,7 @@ def simple_hand(
     level: Callable[[float], float] = lambda position: 0.0,
     line: CutLine | None = None,
 ) -> ScriptedDevice:
-    """Return a hand with a beginner's plan: forward at one speed, upright near the end, back until nothing pulls.
+    """Return a beginner's scripted hand: forward, upright, back.
 
     Parameters
     ----------
@@ -286,7 +286,7 @@ def watching_hand(
     level: Callable[[float], float] = lambda position: 0.0,
     line: CutLine | None = None,
 ) -> ScriptedDevice:
-    """Return a hand that watches the tip: slower before the target, back as soon as the tip is near enough, until free.
+    """Return a scripted hand that slows and returns by the tip.
 
     Parameters
     ----------
@@ -316,7 +316,7 @@ def watching_hand(
 
 
 def _at(line: CutLine | None, position: float, angle: float, level: float) -> HandMotion:
-    """Return the motion at a length of a line [m], or straight on."""
+    """Return the motion at a length of a line [m]."""
     if line is None:
         return HandMotion(position, angle, level)
     i, share = grid_index(position)

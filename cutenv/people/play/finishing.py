@@ -17,7 +17,7 @@ _SHORTEST_RETREAT = 1e-3  # [m] to advise: a hand cannot aim at less
 
 @dataclass(frozen=True, kw_only=True)
 class NearTarget:
-    """Measured and estimated state of a cut that has come near its target.
+    """Measured and estimated state of a cut near its target.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class NearTarget:
 
 
 def missing_to_finish(cut: NearTarget, *, force_shown: bool = True) -> tuple[str, ...]:
-    """Return what is still missing to finish a cut, most urgent first.
+    """Return what is missing to finish a cut, most urgent first.
 
     Without ``force_shown`` it names no force, nor the distance that follows from it.
     """

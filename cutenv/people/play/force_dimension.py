@@ -1,4 +1,4 @@
-"""Haptic devices of Force Dimension (omega, delta, sigma, Novint Falcon) by ``forcedimension_core``.
+"""Haptic devices of Force Dimension (omega, delta, sigma, Falcon) by ``forcedimension_core``.
 
 That package calls the vendor's library, libdrd of the Force Dimension SDK 3.16 or later, which you install yourself;
 ``FDSDK`` names its folder. It needs a Python below 3.13. Positions are in metres, forces in newtons; x points towards
@@ -68,7 +68,7 @@ class ForceDimensionLink:
         return checked_sample((place[0], place[1], place[2]), held)
 
     def close(self) -> None:
-        """Set the force to zero and close the device; further calls do nothing."""
+        """Zero the force and close the device; further calls do nothing."""
         dhd, self._dhd = self._dhd, None
         if dhd is not None:
             with contextlib.suppress(Exception):  # a device that is gone must not keep the session from its end

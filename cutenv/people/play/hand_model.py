@@ -26,7 +26,7 @@ _LEVEL_GAIN = 20.0  # descent speed over the error of the level [1/s]
 
 
 def speed_toward(target: float, state: Struct, hand: Hand = PLAYED_HAND) -> float:
-    """Return the speed command [m/s] that brings the hand to ``target`` [m] without overshoot.
+    """Return the speed command [m/s] toward ``target`` [m] without overshoot.
 
     A position is followed through a speed with a lag T, for which the gain 1/(4 T) is critically damped; farther away,
     the hand's acceleration must be able to stop it: v^2 = 2 a d.
@@ -45,14 +45,14 @@ def speed_toward(target: float, state: Struct, hand: Hand = PLAYED_HAND) -> floa
 
 @njit_internal
 def speed_over(left: float, lag: float, acceleration: float) -> float:
-    """Return the speed command [m/s] of :func:`speed_toward` for the distance that is ``left`` [m]; compiled, too."""
+    """Return :func:`speed_toward`'s command for ``left`` [m]; compiled."""
     stoppable = math.sqrt(2.0 * acceleration * abs(left))
     return math.copysign(min(abs(left) / (4.0 * lag), stoppable, FASTEST), left)
 
 
 @njit_internal
 def hand_over_slab(state: Struct, steering: Struct) -> tuple[float, float]:
-    """Return the place of the hand along the slab, and across it to the left [m]: ahead of a steered blade."""
+    """Return a steered hand's place along and left across the slab [m]."""
     reach = state.hand - state.blade
     # In this order it is the hand of a straight cut, to the last bit, while the blade points along the slab.
     return state.hand + steering.east + reach * (steering.ahead - 1.0), steering.north + reach * steering.across
@@ -62,7 +62,7 @@ def hand_over_slab(state: Struct, steering: Struct) -> tuple[float, float]:
 def steered_toward(
     state: Struct, steering: Struct, place: tuple[float, float], lag: float, acceleration: float
 ) -> tuple[float, float]:
-    """Return speed [m/s] and rate of turn [rad/s] that bring the hand of a steered blade to a place on the slab [m]."""
+    """Return speed [m/s] and turn rate [rad/s] toward a slab place [m]."""
     here = hand_over_slab(state, steering)
     east, north = place[0] - here[0], place[1] - here[1]
     ahead = east * steering.ahead + north * steering.across
@@ -71,7 +71,7 @@ def steered_toward(
 
 @njit_internal
 def turn_toward(ahead: float, left: float) -> float:
-    """Return the rate of turn to the left [rad/s] that points a blade at a place, seen from the hand along the blade.
+    """Return the left turn rate [rad/s] that aims at a place.
 
     It is in proportion to the sine of the angle, and at most the task's.  A place that is less than :data:`_NEAR` ahead
     counts as that far, so that a hand at rest does not tremble. A blade that is drawn back does not turn.
@@ -85,6 +85,6 @@ def turn_toward(ahead: float, left: float) -> float:
 
 @njit_internal
 def descent_toward(level: float, wanted: float) -> float:
-    """Return the descent action that brings a blade from ``level`` to the ``wanted`` level [m]; compiled, too."""
+    """Return the descent action from ``level`` to ``wanted`` [m]; compiled."""
     fall = min(max(_LEVEL_GAIN * (level - wanted), -DESCENT_SCALE), DESCENT_SCALE)
     return speed_action(fall * (SPEED_SCALE / DESCENT_SCALE))

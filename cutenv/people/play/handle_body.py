@@ -1,4 +1,4 @@
-"""Handle and hand in the plane around the cut line, simulated by pymunk for the picture.
+"""Handle and hand around the cut line, simulated by pymunk for pictures.
 
 The cut itself uses the hand of :mod:`cutenv.sim.cutting.drive`, which moves along the line alone. Here the same spring
 and damper pull a rigid handle that can also turn: it slides in a groove along the line, a spring holds it at the
@@ -24,7 +24,7 @@ _REST_LENGTH = 0.10  # between the spring's anchors [m]: pymunk pulls along thei
 
 
 class HandlePose(NamedTuple):
-    """Position of the handle on the line [m], its speed along it [m/s], and its angle [rad]; pi/2 is upright."""
+    """Pose of the handle: position [m], speed, angle [rad]; pi/2 is upright."""
 
     position: float
     speed: float
@@ -32,7 +32,7 @@ class HandlePose(NamedTuple):
 
 
 class Handle:
-    """Rigid handle in a groove along the cut line, held by a hand.
+    """Rigid handle in a groove along the line, held by a hand.
 
     Parameters
     ----------

@@ -73,11 +73,11 @@ class HapticDevice(Protocol):
 
     @property
     def coupling(self) -> VirtualCoupling | None:
-        """Coupling that makes its force safe; None for a device that cannot push."""
+        """Coupling that keeps the force safe, None without force feedback."""
         ...
 
     def open(self) -> None:
-        """Connect if necessary; the hand is now at the clamp. Called at the start and for every cut."""
+        """Connect if necessary and start at the clamp, for every cut."""
         ...
 
     def read(self) -> Stylus:
@@ -85,7 +85,7 @@ class HapticDevice(Protocol):
         ...
 
     def push(self, force: float) -> None:
-        """Apply ``force`` [N], positive against forward motion, until the next call, without waiting."""
+        """Apply ``force`` [N] against forward motion until the next call, without waiting."""
         ...
 
     def close(self) -> None:
@@ -166,7 +166,7 @@ class VirtualCoupling:
 
     @property
     def growth(self) -> float:
-        """Return the growth of a free device's motion from one period to the next [1]; below 1: stable.
+        """Growth of a free device's motion per period [1]; below 1 stable.
 
         It is the largest eigenvalue of the device (mass and damping, its force held for a period) under spring and
         damper.
@@ -216,7 +216,7 @@ class HandEnergy:
         self._full = 0.5 * coupling.force_limit**2 / softest
 
     def held(self, force: float, moved: float, seconds: float) -> None:
-        """Enter that a force [N] was held for so many seconds, in which the device has moved [m]."""
+        """Enter a force [N] held for a time, and the motion [m]."""
         self.energy += force * moved + self._coupling.device_damping / seconds * moved**2
         self.energy = min(self.energy, self._full)
 
@@ -258,7 +258,7 @@ class FeltForce:
         return max(self._account.energy, 0.0)  # below 0 by rounding only
 
     def forget(self) -> None:
-        """Let go and empty the account: the force was held for longer than the period, or not at all for a while.
+        """Release the force and reset the energy account.
 
         What the device's friction took in a longer time is less than the account would reckon.
         """

@@ -1,4 +1,4 @@
-"""Hand on a device that takes over from an agent while its button is held, for :class:`cutenv.envs.SharedControl`."""
+"""Hand that takes over from an agent, for :class:`cutenv.envs.SharedControl`."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class InterveningHand:
         self._grabbed: float | None = None  # place of the blade less that of the hand when the button went down [m]
 
     def __call__(self) -> NDArray[np.float32] | None:
-        """Return the action that brings the blade after the hand, None while the button is up."""
+        """Return the action toward the hand, None while released."""
         stylus, blade = self._device.read(), self._blade()
         if _BUTTON not in stylus.buttons:
             self._grabbed = None

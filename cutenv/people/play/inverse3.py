@@ -141,7 +141,7 @@ def _message(text: str | bytes) -> dict[str, Any]:
 
 
 def _device(message: dict[str, Any], device_id: str | None) -> dict[str, Any]:
-    """Return the device of that id, or the first; raise ValueError, with the cure, if there is none that is ready."""
+    """Return the device of that id, or the first; ValueError without."""
     devices = message.get("inverse3")
     found = [each for each in devices if isinstance(each, dict)] if isinstance(devices, list) else []
     ids = [each["device_id"] for each in found if isinstance(each.get("device_id"), str)]

@@ -33,7 +33,7 @@ _PRESSED = (0.5, 0.8)  # [s] after the connection between which the grip's butto
 
 @dataclass
 class EmulatedHandle:
-    """Handle on one axis, led by a spring and a damper that stand for the hand.
+    """Handle on one axis, led by the hand's spring and damper.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class EmulatedHandle:
 
 
 def state_message(handle: EmulatedHandle, device_id: str, *, inventory: bool, modern: bool, pressed: bool) -> str:
-    """Return a message of the service about the handle: the inventory, or a state."""
+    """Return a service message on the handle: inventory or state."""
     zero = {"x": 0.0, "y": 0.0, "z": 0.0}
     device: dict[str, Any] = {
         "device_id": device_id,

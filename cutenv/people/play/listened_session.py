@@ -35,7 +35,7 @@ class ListenedSession:
         self._sent, self._origin = 0, 0.0
 
     def __call__(self) -> None:
-        """Pass on the beginning, the new readings and the end of a cut."""
+        """Pass on a cut's beginning, new readings and end."""
         cut = self._session.cut if self._session.phase == "cutting" else None
         if cut is not self._cut and self._cut is not None:
             self._pass_on(self._cut)

@@ -65,7 +65,7 @@ def named_device(
 
 @contextmanager
 def emulated_inverse3(*options: str, target: float = 0.08) -> Iterator[str]:
-    """Run an emulated Inverse3 in a process of its own for the time of the block; yield its address.
+    """Run an emulated Inverse3 process during a block; yield its address.
 
     ``options`` are those of ``python -m cutenv.people.play.inverse3_emulator``.
     """

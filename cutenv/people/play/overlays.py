@@ -161,7 +161,7 @@ def _draw_metrics(canvas: Canvas, card: ScoreCard, x: float, right: float, top: 
 
 
 def fault_lines(card: ScoreCard | None, most: int = _MOST_FAULTS) -> list[tuple[str, int, bool]]:
-    """Return faults and advice: text, distance to the next line [px], and whether the line names a fault."""
+    """Return lines of faults and advice: text, spacing [px], whether a fault."""
     if card is None:
         return []
     if not card.faults:

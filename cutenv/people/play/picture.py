@@ -49,7 +49,7 @@ class PlayPicture:
         self._standing: Canvas
 
     def draw(self, sight: ViewState) -> Canvas:
-        """Return the picture of this moment; the canvas is drawn again at the next call."""
+        """Return this moment's picture, on a canvas reused next call."""
         moment, canvas, layout = sight.moment, self._canvas, self.layout
         self._keep_up(sight)
         canvas.paste(self._standing)
@@ -92,7 +92,7 @@ class PlayPicture:
         return canvas
 
     def _keep_up(self, sight: ViewState) -> None:
-        """Draw what does not change during a cut, when a new one begins; add the new part of the force trace."""
+        """Draw a cut's fixed parts once, and extend the force trace."""
         fresh = sight.serial != self._serial or sight.practice != self._practised
         self._practised = sight.practice
         if sight.serial != self._serial:
@@ -158,7 +158,7 @@ def _draw_title(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
 
 
 def _draw_force(canvas: Canvas, layout: Layout, moment: Moment, tint: Colour) -> None:
-    """Draw the force as a number, and as a bar coloured by its share of the force allowed here."""
+    """Draw the force as number and as bar, coloured by load."""
     left, right, force = layout.column, layout.width - _MARGIN, moment.force
     depth = depth_below(moment.depth, moment.blade)
     allowed, limit = moment.force_allowed_per_depth * depth, moment.force_limit_per_depth * depth
@@ -228,7 +228,7 @@ def _draw_numbers(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
 
 
 def _draw_missing(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
-    """Draw what is still missing to finish, at the foot of the view from above."""
+    """Draw what is missing to finish below the top view."""
     for k, words in enumerate(reversed(sight.missing)):
         line = f"to finish: {words}" if k == len(sight.missing) - 1 else words
         at = layout.column - 24, _SIDE_TOP - 22 - 24 * k
@@ -254,7 +254,7 @@ def _draw_hidden(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
 
 
 def _draw_advice(canvas: Canvas, layout: Layout, moment: Moment, *, shared: bool) -> None:
-    """Draw instructions, in the place of the hidden quantities; of a cut along a depth or a line, one more."""
+    """Draw instructions in place of hidden quantities."""
     lines: tuple[str, ...] = (
         "The green marks are your hand: the blade hangs on it",
         "by a spring. The tip of the cut is behind the blade;",

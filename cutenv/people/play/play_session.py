@@ -198,13 +198,16 @@ class Session:
     # Requests of the person
 
     def begin(self) -> None:
-        """Start the countdown for the present specimen; do nothing during a cut."""
+        """Start the present specimen's countdown, unless cutting."""
         if self.phase == "ready":
             self._countdown_ticks = round(self._countdown * UPDATES_HZ)
             self.phase = "countdown"
 
     def go_on(self) -> None:
-        """Begin, or after a cut prepare the next specimen; do nothing during a cut, or when all cuts are done."""
+        """Begin, or prepare the next specimen after a cut.
+
+        It does nothing during a cut, or when all cuts are done.
+        """
         if self.phase == "ended" and not self.done:
             self.number += 1 if self.course is None else 0  # a course has seeds, each with one specimen
             self._attempts = 0
@@ -212,7 +215,10 @@ class Session:
         self.begin()
 
     def repeat(self) -> None:
-        """Cut the same specimen again; a cut in progress is abandoned, and recorded as such. Not in a course."""
+        """Repeat the specimen, abandoning a cut in progress.
+
+        The abandoned cut is recorded as such. A course has no repetition.
+        """
         if self.phase == "ready" or self.course is not None:
             return
         self._give_up()
@@ -220,9 +226,9 @@ class Session:
         self.begin()
 
     def choose_class(self, specimen_class: str | None = None) -> None:
-        """Choose the class of the next specimen, by default the following one; at once if no cut has begun.
+        """Choose the next specimen's class, by default the following one.
 
-        A course chooses by itself.
+        The choice counts at once if no cut has begun. A course chooses by itself.
         """
         if self.course is not None:
             return
@@ -244,19 +250,22 @@ class Session:
         self._practised |= self.practice and self.phase in ("countdown", "cutting")
 
     def forget_force(self) -> None:
-        """Let a device that pushes go for a millisecond, and begin its account of energy anew."""
+        """Release a pushing device for a millisecond; reset its energy account."""
         if self._felt is not None:
             self._felt.forget()
 
     def close(self) -> None:
-        """End the session: abandon and record a cut in progress, and release the device; further calls do nothing."""
+        """Abandon and record a cut in progress; release the device.
+
+        Further calls do nothing.
+        """
         self._give_up()
         self.after_advance()
         self.device.close()
 
     @property
     def done(self) -> bool:
-        """True when the requested number of cuts is finished, or the course is done."""
+        """True when all requested cuts, or the course, are done."""
         over = self.course is not None and (self.course.task is None or self.course.waits)
         return over or (self.count is not None and self.finished >= self.count)
 
@@ -317,7 +326,7 @@ class Session:
     # One cut
 
     def _prepare(self, specimen_class: str | None = None) -> None:
-        """Prepare the present specimen, of the chosen class or, for a repetition, of the class it had."""
+        """Prepare the present specimen, of the chosen or repeated class."""
         if self.course is not None:
             self.course.verdicts = {}
             self.chosen_class, self.seed, self._target_length = self.course.specimen()
@@ -438,7 +447,7 @@ class Session:
 
 
 def _unused(folder: Path, name: str) -> Path:
-    """Return a path for that name at which no file exists yet."""
+    """Return a path for that name without an existing file."""
     path, k = folder / f"{name}.csv", 2
     while path.exists():
         path, k = folder / f"{name}.{k}.csv", k + 1

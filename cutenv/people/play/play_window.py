@@ -79,7 +79,7 @@ class PlayWindow:
             self._open_gamepads()
 
     def run(self) -> None:
-        """Run until the window is closed or all cuts are done; a cut in progress is still recorded."""
+        """Run until closed or done; a cut in progress is recorded."""
         servo = Servo(self.session, self._clock) if self.session.device.coupling is not None else None
         try:
             while self._window.open and (servo is None or servo.error is None):
@@ -101,7 +101,7 @@ class PlayWindow:
                 self._window.close()
 
     def _card_was_shown(self) -> bool:
-        """Return whether an end card was shown for as long as it takes to read it."""
+        """Return whether an end card was shown long enough."""
         return self.session.phase == "ended" and self._pictures_of_card >= self._card_pictures
 
     def show_next(self) -> None:
@@ -121,7 +121,7 @@ class PlayWindow:
     # Events
 
     def take_events(self) -> None:
-        """Handle the events of keys, mouse, fingers and gamepad, once for each picture."""
+        """Handle keys, mouse, touch and gamepad events of one frame."""
         self._pictures_of_card = self._pictures_of_card + 1 if self.session.phase == "ended" else 0
         for event in self._window.take_events():
             self._take(event)
@@ -157,7 +157,7 @@ class PlayWindow:
             self._open_gamepads()
 
     def _takes_over(self, event: Any) -> bool:
-        """Take the blade from an agent, or give it back; return whether the event was for that."""
+        """Take the blade from an agent or return it; True if handled."""
         pygame = self._pygame
         ways = {pygame.K_RIGHT: 1.0, pygame.K_LEFT: -1.0}
         if event.type in (pygame.KEYDOWN, pygame.KEYUP) and event.key in (pygame.K_SPACE, *ways):
@@ -196,7 +196,7 @@ class PlayWindow:
             self._window.close()
 
     def _ways(self) -> dict[int, tuple[float, float]]:
-        """Return where each arrow key moves the hand of a cut along a line: along, and across to the left."""
+        """Return arrow key directions along a line: along, left across."""
         pygame = self._pygame
         return {pygame.K_RIGHT: (1, 0), pygame.K_LEFT: (-1, 0), pygame.K_UP: (0, 1), pygame.K_DOWN: (0, -1)}
 
@@ -210,14 +210,14 @@ class PlayWindow:
         self.mouse.hold_keys(sum(way[0] for way in held), sum(way[1] for way in held))
 
     def _turn_wheel(self, notches: float) -> None:
-        """Lean or raise the blade; where a depth is wanted, lower or raise it, unless shift is held."""
+        """Lean or raise the blade; change depth where wanted, without shift."""
         if self.session.cut.third == "level" and not self._pygame.key.get_mods() & self._pygame.KMOD_SHIFT:
             self.mouse.lower(notches)
         else:
             self.mouse.turn(notches)
 
     def _go_on(self, device: HapticDevice) -> None:
-        """Begin the next cut, led by the device that asked for it."""
+        """Begin the next cut, led by the requesting device."""
         if self.session.phase == "ended" and self.session.done:
             self._window.close()
             return
@@ -234,7 +234,7 @@ class PlayWindow:
             self._lead(*self._moved("mouse", *event.pos))
 
     def _take_finger(self, event: Any) -> None:
-        """Let the first finger on the screen lead the hand, and others turn the wheel as they go down or up."""
+        """Lead the hand by the first finger, the wheel by others."""
         finger = event.finger_id
         if event.type == self._pygame.FINGERUP:
             self._pointers.pop(finger, None)
@@ -247,14 +247,14 @@ class PlayWindow:
             self._turn_wheel(-down / _NOTCH_HEIGHT)
 
     def _moved(self, pointer: object, x: float, y: float) -> tuple[float, float]:
-        """Return by how much a pointer has moved in the picture [px] to a place in the window; a new one by nothing."""
+        """Return a pointer's motion in the picture [px], zero if new."""
         here = self._window.in_picture(x, y)
         before = self._pointers.get(pointer, here)
         self._pointers[pointer] = here
         return here[0] - before[0], here[1] - before[1]
 
     def _lead(self, across: float, down: float) -> None:
-        """Move the hand by pixels of the picture; up and down only where the blade is steered."""
+        """Move the hand by picture pixels, vertically only when steered."""
         if self.session.phase == "cutting":
             aside = -down / LAYOUT.scale if self.session.cut.third == "across" else 0.0
             self.mouse.move(across / LAYOUT.scale, aside)

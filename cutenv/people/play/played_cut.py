@@ -117,12 +117,12 @@ class PlayedCut:
 
     @property
     def specimen_words(self) -> str:
-        """Class of the specimen, and name of its tissue where that is not the measured pig liver."""
+        """Specimen class, and tissue name unless it is measured pig liver."""
         return self._env.tissue.words(self.specimen_class)
 
     @property
     def truth(self) -> dict[str, Any]:
-        """Hidden state, and energies [J], as in the environment's info; for practice."""
+        """Hidden state and energies [J] for practice, as in ``info``."""
         told: dict[str, Any] = self._info["truth"] | self._info["energy"]
         return told
 
@@ -138,17 +138,17 @@ class PlayedCut:
 
     @property
     def hand(self) -> float:
-        """Position of the hand, from the clamp [m]; the blade hangs on it."""
+        """Hand's position from the clamp [m], to which the blade is coupled."""
         return float(self.plant.states["hand"][0])
 
     @property
     def hand_place(self) -> tuple[float, float]:
-        """Place of the hand along the slab, and across it to the left [m]."""
+        """Hand's place along and left across the slab [m]."""
         return self.hand, 0.0
 
     @property
     def lateral_force(self) -> Array:
-        """Measured force on the blade to its right at every reading so far [N]; of shape (0,) without one."""
+        """Measured blade force to its right so far [N], or shape (0,)."""
         return np.zeros(0)
 
     @property
@@ -157,7 +157,7 @@ class PlayedCut:
         return None if self._handle is None else self._handle.pose
 
     def tick(self, stylus: Stylus) -> None:
-        """Advance by a millisecond under a person's hand; does nothing once the cut has ended."""
+        """Advance a millisecond by a person's hand, until the end."""
         if self.end:
             return
         state = self.plant.states[0]
@@ -197,11 +197,11 @@ class PlayedCut:
         return to_action(speed_toward(stylus.position, self.plant.states[0]), stylus.angle)
 
     def felt(self, felt: FeltForce, stylus: Stylus) -> float:
-        """Return the force for the person's hand [N], by the device's coupling to the blade."""
+        """Return the force for the person's hand by the coupling [N]."""
         return felt.update(stylus.position, float(self.readings["position"][-1]))
 
     def simple_hand(self) -> ScriptedDevice:
-        """Return a scripted hand for this cut, which watches the tip as in practice."""
+        """Return a scripted hand that watches the tip, for this cut."""
         return watching_hand(self._tip, self.target_length)
 
     def _tip(self) -> float:
@@ -209,16 +209,16 @@ class PlayedCut:
 
     @property
     def map_words(self) -> str:
-        """Depth or path of the cut so far in words, empty where none is wanted."""
+        """Depth or path so far in words, or ""."""
         return ""
 
     @property
     def leader_words(self) -> str:
-        """Words that say who leads now, empty where only a person does."""
+        """Words for who leads now, "" if only a person does."""
         return ""
 
     def missing(self, *, practice: bool, force_shown: bool = True) -> tuple[str, ...]:
-        """Return what is still missing to finish, empty while the blade has not come near the target.
+        """Return what is missing to finish, empty far from the target.
 
         It is told from what a rig measures; in ``practice``, a tip that is short of the target is all that is missing.
         Without ``force_shown`` no force is named.
@@ -257,5 +257,5 @@ class PlayedCut:
         return dataclasses.replace(trace, **further)
 
     def card(self, trace: Trace) -> ScoreCard:
-        """Return the score of its record, as from ``cutenv score``: where the tip ended is noted in the record."""
+        """Return its record's score as ``cutenv score``, with noted tip."""
         return score(trace, target_length=self.target_length, reference=ReferenceSet.shipped())

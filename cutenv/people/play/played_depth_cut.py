@@ -37,20 +37,20 @@ class PlayedDepthCut(PlayedCut):
 
     @property
     def level(self) -> float:
-        """Level of the blade's lower end [m]; 0 cuts as deep as the specimen's own profile."""
+        """Level of the blade's lower end [m], 0 at the specimen's profile."""
         return float(self.cutting.motion["level"][0])
 
     def wanted_level(self, position: float) -> float:
-        """Return the level of the wanted floor at ``position`` above the blade's at the start [m]."""
+        """Return the wanted floor's level above the starting blade's [m]."""
         return float(depth_below(self.cutting.shown_depth.wanted, position)) - self._start
 
     def action(self, stylus: Stylus) -> NDArray[np.float32]:
-        """Return the environment's action, whose descent brings the blade to the wanted level."""
+        """Return the environment's action, with descent to the wanted level."""
         descent = descent_toward(self.level, self._start + stylus.level)
         return np.append(super().action(stylus), np.float32(np.clip(descent, -1.0, 1.0)))
 
     def simple_hand(self) -> ScriptedDevice:
-        """Return a scripted hand that watches the tip and keeps the blade at the wanted depth."""
+        """Return a scripted hand that keeps the wanted depth."""
         return watching_hand(self._tip, self.target_length, level=self.wanted_level)
 
     def _sampled(self) -> tuple[float, ...]:

@@ -35,22 +35,22 @@ class PlayedPathCut(PlayedCut):
 
     @property
     def places(self) -> Array:
-        """Place of the blade along and across the slab at every reading so far [m], shape (n, 2)."""
+        """Blade places along and across the slab [m], shape (n, 2)."""
         return self._further[: self._count, :2]
 
     @property
     def lateral_force(self) -> Array:
-        """Measured force on the blade to its right at every reading so far [N], shape (n,)."""
+        """Measured blade force to its right [N], shape (n,)."""
         return self._channel("lateral_force")
 
     @property
     def hand_place(self) -> tuple[float, float]:
-        """Place of the hand along the slab, and across it to the left [m]: in front of the blade by the spring."""
+        """Hand's place along and left across [m], ahead of the blade."""
         along, across = hand_over_slab(self.plant.states[0], self.cutting.motion[0])
         return float(along), float(across)
 
     def action(self, stylus: Stylus) -> NDArray[np.float32]:
-        """Return the environment's action, which moves the hand along the blade and turns it toward the place."""
+        """Return the environment's action: speed, and turn toward the hand."""
         speed, turn = steered_toward(
             self.plant.states[0], self.cutting.motion[0], (stylus.position, stylus.across), PLAYED_HAND.motor_lag,
             PLAYED_HAND.acceleration,
@@ -58,7 +58,7 @@ class PlayedPathCut(PlayedCut):
         return to_path_action(float(speed), stylus.angle, float(turn))
 
     def simple_hand(self) -> ScriptedDevice:
-        """Return a scripted hand that watches the tip and goes along the line."""
+        """Return a scripted hand that follows the line by the tip."""
         return watching_hand(self._tip, self.target_length, line=self.cutting.line)
 
     def _sampled(self) -> tuple[float, ...]:

@@ -50,11 +50,11 @@ class HandleLink(Protocol):
     """Connection to a handle, used by one thread."""
 
     def open(self) -> None:
-        """Connect; raise OSError, with the cure, if there is no such device or it is not ready."""
+        """Connect; raise OSError, with cure, without a ready device."""
         ...
 
     def exchange(self, force: tuple[float, float, float]) -> HandleSample:
-        """Apply a force [N] in the handle's axes until the next call, and return the newest sample.
+        """Apply a force [N] until the next call; return the newest sample.
 
         Raises TimeoutError if no answer came in time, ValueError for an answer that is no sample, and OSError if the
         connection has ended.
@@ -68,7 +68,7 @@ class HandleLink(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class HandleAxes:
-    """Which of a handle's axes is which; a minus turns one round.
+    """Assignment of a handle's axes, reversed by a minus.
 
     Parameters
     ----------
@@ -97,14 +97,14 @@ class HandleAxes:
 
     @classmethod
     def parse(cls, text: str) -> HandleAxes:
-        """Parse axes such as ``-y,x,z``; raise ValueError if they are not three."""
+        """Parse axes such as ``-y,x,z``; ValueError unless three."""
         names = [name.strip() for name in text.split(",")]
         if len(names) != 3:
             raise ValueError(f"axes {text!r} are not three. Write ALONG,LEAN,UP, such as x,y,z.")
         return cls(along=names[0], lean=names[1], up=names[2])
 
     def moved(self, name: str, sample: HandleSample, origin: HandleSample) -> float:
-        """Return how far a handle has moved along one of the axes since ``origin`` [m]."""
+        """Return a handle's motion along an axis since ``origin`` [m]."""
         axis: str = getattr(self, name)
         k = "xyz".index(axis[-1])
         return (-1.0 if axis.startswith("-") else 1.0) * (sample.position[k] - origin.position[k])
@@ -117,7 +117,7 @@ class HandleAxes:
 
 
 def checked_sample(position: tuple[float, float, float], buttons: frozenset[str] = frozenset()) -> HandleSample:
-    """Return a sample; raise ValueError for a position that no desktop device has."""
+    """Return a sample; ValueError for an impossible position."""
     if not all(-_REACH <= value <= _REACH for value in position):  # also refuses NaN
         raise ValueError(f"position {position} is outside {_REACH:g} m, or no number.")
     return HandleSample(position, buttons)
@@ -174,7 +174,7 @@ class PolledHandle:
         self._thread: threading.Thread | None = None
 
     def open(self) -> None:
-        """Connect at the first call; the hand is at the clamp now.
+        """Connect at first; set the hand's place to the clamp.
 
         Raises
         ------
@@ -191,7 +191,10 @@ class PolledHandle:
         self._origin = self._sample()
 
     def read(self) -> Stylus:
-        """Return place, lean, level and buttons of the newest sample, without waiting; raise OSError if it is lost."""
+        """Return the newest sample as place, lean, level and buttons.
+
+        It does not wait, and raises OSError if the device is lost.
+        """
         sample, origin = self._sample(), self._origin
         if origin is None:
             raise OSError("the haptic device is not open.")
@@ -206,7 +209,7 @@ class PolledHandle:
         )
 
     def push(self, force: float) -> None:
-        """Apply a force against forward motion [N], for the coupling's period at most."""
+        """Apply a force against forward motion [N], one period at most."""
         limit = self.coupling.force_limit
         self._pushed = (in_range("force", force, -limit, limit, "N", "The coupling limits it."), self._clock())
 
@@ -226,7 +229,7 @@ class PolledHandle:
         return self._newest[0]
 
     def _wanted(self) -> float:
-        """Return the force to send now [N]; zero unless both the push and the newest sample are fresh."""
+        """Return the force to send [N], zero when stale."""
         force, since = self._pushed
         now = self._clock()
         if self._newest is None or now - self._newest[1] > STALE:
@@ -238,7 +241,7 @@ class PolledHandle:
         return min(max(force, -allowed), allowed)
 
     def _enter(self, moved: float, now: float) -> None:
-        """Enter what the device has moved [m] under the force that it has held until ``now`` [s]."""
+        """Enter the device's motion [m] under the held force until ``now`` [s]."""
         held = now - self._sent_at
         if not held <= self.coupling.period:  # what its friction took in that time is unknown, and so is the energy
             self._account.energy = min(self._account.energy + self._sent * moved, 0.0)

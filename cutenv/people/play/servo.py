@@ -67,7 +67,7 @@ class Servo:
             self._session.device.push(0.0)  # in any case the force ends
 
     def stop(self) -> None:
-        """Stop the thread and wait for its end; raise its error, if there was one."""
+        """Stop and join the thread; raise its error, if any."""
         self._stopped.set()
         self._thread.join()
         if self.error is not None:

@@ -108,21 +108,21 @@ class SharedCut(PlayedCut):
 
     @property
     def hand(self) -> float:
-        """Position of the blade [m]: nothing lies between it and the drive."""
+        """Blade's position [m], rigidly that of the drive."""
         return float(self.plant.states["blade"][0])
 
     @property
     def hand_place(self) -> tuple[float, float]:
-        """Place of the stylus at which it leads the blade to where it is [m], and 0."""
+        """Stylus place that keeps the blade where it is [m], and 0."""
         return self.hand - (0.0 if self._grabbed is None else self._grabbed[0]), 0.0
 
     @property
     def decisions(self) -> tuple[int, int]:
-        """Number of the agent's decisions so far, and of those in which the person held the blade."""
+        """Number of agent decisions, and of those the person overrode."""
         return -(-self._count // self._ticks), len(self._persons)
 
     def tick(self, stylus: Stylus) -> None:
-        """Advance by a millisecond, led by the agent or the person; does nothing once the cut has ended."""
+        """Advance a millisecond, led by agent or person, until the end."""
         if self.end:
             return
         if self._count and self._count % self._ticks == 0:
@@ -141,7 +141,7 @@ class SharedCut(PlayedCut):
         self._sum, self._least, self._most = self._sum + felt, min(self._least, felt), max(self._most, felt)
 
     def action(self, stylus: Stylus) -> NDArray[np.float32]:
-        """Return the agent's action, or the one that brings the blade after the person's hand."""
+        """Return the agent's action, or the one toward the person's hand."""
         if self._grabbed is None:
             return self._decided
         place, angle = self._grabbed
@@ -151,14 +151,14 @@ class SharedCut(PlayedCut):
         return to_action(speed, within_angles(angle + stylus.angle))
 
     def felt(self, felt: FeltForce, stylus: Stylus) -> float:
-        """Return the force for the person's hand [N]: that of the blade while they hold it, else none."""
+        """Return the blade's force for a holding hand [N], else 0."""
         if self._grabbed is None:
             felt.forget()
             return 0.0
         return felt.update(self._grabbed[0] + stylus.position, float(self.readings["position"][-1]))
 
     def simple_hand(self) -> ScriptedDevice:
-        """Return a scripted hand that takes the blade after 2 s, leads it on for 2 s, and gives it back."""
+        """Return a scripted hand that leads from 2 s to 4 s."""
 
         def reach(time: float) -> float:
             return 0.006 * min(max(time - 2.0, 0.0), 2.0)
@@ -182,7 +182,7 @@ class SharedCut(PlayedCut):
         return super().missing(practice=practice, force_shown=force_shown) if self.person_leads else ()
 
     def trace(self, **metadata: object) -> Trace:
-        """Return the trace that a rig would have recorded, with who held the blade and when.
+        """Return a rig's trace, with who held the blade and when.
 
         Raises
         ------
@@ -201,7 +201,10 @@ class SharedCut(PlayedCut):
         )
 
     def _observed(self) -> NDArray[np.float32]:
-        """Return the observation of the agent's decision, and begin the next; forces are those since its last one."""
+        """Return the agent's observation and begin the next.
+
+        Forces are those since its last one.
+        """
         observation = self._observation.copy()
         folded = {"force_mean": self._sum / self._ticks, "force_min": self._least, "force_max": self._most}
         for name, value in folded.items():
