@@ -29,14 +29,14 @@ _PATIENCE = 5.0  # [s] with a disk that does not respond
 
 
 class RecordingFailed(OSError):
-    """Error for a disk that accepts no more of the record.
+    """Error for a disk that takes no more of the record.
 
     Full, gone or unresponsive; the part on it can be read.
     """
 
 
 class AppendingRecord:
-    """One cut as a CSV file that :func:`cutenv.records.load` can read at any time.
+    """One cut as a growing CSV file that :func:`cutenv.records.load` reads.
 
     Rows are with the operating system when :meth:`append` returns, so that an end of this process loses none, and a
     thread flushes them to the disk within a second, so that a power cut loses no more; the caller never waits for the
@@ -128,7 +128,7 @@ class AppendingRecord:
             raise
 
     def append(self, readings: Iterable[Reading], channels: Iterable[tuple[float, ...]] | None = None) -> None:
-        """Write some readings, all or none; from one thread at a time.
+        """Write readings, all or none, from one thread at a time.
 
         Parameters
         ----------
@@ -172,10 +172,10 @@ class AppendingRecord:
         self.rows += len(lines)
 
     def close(self, metadata: Mapping[str, Any] | None = None) -> None:
-        """Finish the record: write the number of rows and more metadata at the top. Further calls do nothing.
+        """Finish the record, with row count and more metadata.
 
-        Does nothing in a fork of the process that has begun it. The file is replaced as a whole or not at all, so that
-        a failed finish leaves what was appended.
+        Further calls do nothing, nor does a call in a fork of the process that has begun it. The file is replaced as a
+        whole or not at all, so that a failed finish leaves what was appended.
 
         Parameters
         ----------
@@ -205,7 +205,7 @@ class AppendingRecord:
             raise RecordingFailed(self.failed)
 
     def abandon(self) -> None:
-        """Leave the record as it is, truncated; never raises, and may be called twice."""
+        """Leave the record truncated; never raises, further calls do nothing."""
         if self._closed or os.getpid() != self._process:
             return
         self._closed = True
@@ -242,7 +242,7 @@ class AppendingRecord:
             ) from None
 
     def _refuse(self, row: tuple[float, ...], time: float, last: float) -> NoReturn:
-        """Raise an error that describes what is wrong with a reading."""
+        """Raise an error that describes a reading's fault."""
         for name, value, (low, high) in zip(self._names, row, self._limits, strict=True):
             in_range(name, value, low, high, "1", "The reading was not recorded.")
         raise ValueError(f"time goes from {last!r} s to {time!r} s; a reading must be after the one before.")
@@ -258,7 +258,7 @@ class AppendingRecord:
         self._unsynced = True
 
     def _keep_synced(self) -> None:
-        """Run the thread that flushes written rows to the disk."""
+        """Flush written rows to the disk, as a thread."""
         while not self._stop.wait(SYNCED_EVERY) and self.failed is None:
             if not self._unsynced:
                 continue
@@ -283,7 +283,7 @@ class AppendingRecord:
             )
 
     def _there(self) -> bool:
-        """Return whether the file being written still has its name."""
+        """Return whether the file still has its name."""
         try:
             return os.path.samestat(os.fstat(self._file.fileno()), self.path.stat())
         except (OSError, ValueError):  # ValueError: it is closed
@@ -291,14 +291,14 @@ class AppendingRecord:
 
 
 class CutListener(Protocol):
-    """Listener to the cuts of a rig or a person while they go on; it must neither wait nor raise."""
+    """Listener to cuts in progress, which must not wait or raise."""
 
     def began(self, name: str) -> None:
         """Take the beginning of a cut."""
         ...
 
     def readings(self, readings: StructArray, depth: Array, origin: float) -> None:
-        """Take new readings, the depth at each [m], and when their time was zero by ``time.monotonic()`` [s]."""
+        """Take new readings, depths [m], and the origin by ``time.monotonic()`` [s]."""
         ...
 
     def ended(self, cause: str) -> None:

@@ -40,7 +40,7 @@ TRUNCATED = "truncated"
 
 @dataclass
 class _Head:
-    """Lines above the first row of numbers, and their count."""
+    """Lines above the first row of numbers."""
 
     names: list[str] = field(default_factory=list)
     columns: list[Column | None] = field(default_factory=list)
@@ -49,12 +49,12 @@ class _Head:
     facts: dict[tuple[str, int | None], Any] = field(default_factory=dict)
 
     def of_cuts(self, kind: str) -> dict[int, Any]:
-        """Return facts of that kind by the number of the cut."""
+        """Return facts of a kind by number of cut."""
         return {cut: fact for (which, cut), fact in self.facts.items() if which == kind and cut is not None}
 
 
 def write(traces: Sequence[Trace], path: Path) -> None:
-    """Write a new file; every number in the fewest digits that give it back to the last bit."""
+    """Write a new file; the digits restore every number exactly."""
     table = table_of(traces)
     columns: list[Iterable[str]] = [map(repr, values.tolist()) for values in table.values]
     names = list(table.headers)
@@ -70,7 +70,7 @@ def write(traces: Sequence[Trace], path: Path) -> None:
 
 
 def head_text(names: Sequence[str], rows: int | None, facts: Mapping[str, object]) -> str:
-    """Return the text above the rows of a file of ours: schema, number of rows, facts by kind, names of columns.
+    """Return a file's head: schema, number of rows, metadata, column names.
 
     Without a number (None) the record is still growing, or was never finished: its complete lines are read.
     """
@@ -125,7 +125,7 @@ def read(path: Path) -> list[CutTable]:
 
 
 def read_metadata(path: Path) -> dict[str, Any]:
-    """Return the metadata that all cuts of a file share, without reading its rows; {} if it has none.
+    """Return the metadata shared by a file's cuts, {} without.
 
     Raises
     ------
@@ -141,7 +141,10 @@ def read_metadata(path: Path) -> dict[str, Any]:
 
 
 def is_own(path: Path) -> bool:
-    """Return whether the file begins like a record of this package: with its schema, or headers that have units."""
+    """Return whether a file begins as a record of this package.
+
+    The schema shows it, or headers that have units.
+    """
     with path.open(encoding="latin-1") as file:  # any bytes will do: only the beginning counts
         for line in file:
             text = line.removeprefix("\xef\xbb\xbf").strip()
@@ -184,7 +187,7 @@ def _head(lines: Iterable[str]) -> _Head:
 
 
 def _take_comment(head: _Head, text: str) -> None:
-    """Store what a comment states about the record; ignore any other comment."""
+    """Store a comment's statement about the record; ignore others."""
     if found := _SCHEMA_LINE.fullmatch(text):
         check_schema(found[1])
         head.native = True
@@ -205,7 +208,7 @@ def _take_comment(head: _Head, text: str) -> None:
 
 
 def _numbers(rows: list[str]) -> Array | None:
-    """Return the rows below the headers, shape (n, columns); None if one of them cannot be read."""
+    """Return the rows below the headers, shape (n, columns), or None."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # an empty file is reported in other words
         try:
@@ -215,7 +218,7 @@ def _numbers(rows: list[str]) -> Array | None:
 
 
 def _check_whole(announced: object, found: int, *, ended: bool) -> None:
-    """Raise an error for a file that lost its end: the remaining rows would look like a shorter cut."""
+    """Raise an error for a file that lost its end."""
     if announced != found or not ended:
         lost = "and its last line is not whole" if not ended else "rows were lost or added"
         raise ValueError(
@@ -225,7 +228,7 @@ def _check_whole(announced: object, found: int, *, ended: bool) -> None:
 
 
 def _fault_of_numbers(places: list[int], rows: list[str], head: _Head) -> str:
-    """Describe the first row that is not a row of numbers: line, column, text and cure."""
+    """Describe the first invalid row: line, column, text and cure."""
     n = len(head.names)
     for place, row in zip(places, rows, strict=True):
         cells = row.split(",")
@@ -256,7 +259,7 @@ def _cure_of_cell(cell: str) -> str:
 
 
 def _is_number(cell: str) -> bool:
-    """Return whether NumPy can read a cell; Python also accepts 1_000 and the digits of other scripts."""
+    """Return whether NumPy can read a cell, more strictly than Python."""
     try:
         float(cell)
     except ValueError:

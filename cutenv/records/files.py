@@ -1,4 +1,4 @@
-"""Functions that save and load traces, in the format that the suffix names."""
+"""Saving and loading of traces in the suffix's format."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ FORMATS = {
 
 
 def save(traces: Trace | Iterable[Trace], path: str | os.PathLike[str]) -> None:
-    """Write one cut or several to one file, so that :func:`load` restores them to the last bit.
+    """Write one or several cuts to a file without loss.
 
     The file is written as a whole or not at all: an interruption leaves the earlier file.
 
@@ -130,7 +130,7 @@ def load(path: str | os.PathLike[str], *, force: str | None = None) -> list[Trac
 
 
 def tables_in(path: Path) -> list[CutTable]:
-    """Return the columns of a file as it states them, before they are checked to be records; raises as :func:`load`."""
+    """Return a file's columns before any check; raises as :func:`load`."""
     chosen = _format_of(path)
     try:
         with path.open("rb") as file:
@@ -159,7 +159,7 @@ def load_one(path: str | os.PathLike[str], *, force: str | None = None) -> Trace
 
 
 def check_format(path: Path) -> None:
-    """Raise RecordError for a file whose suffix is no format of a record, before any work starts."""
+    """Raise RecordError early for a suffix that is no record's."""
     _format_of(path)
 
 

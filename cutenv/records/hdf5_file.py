@@ -26,7 +26,7 @@ _HEAP_HEADER = 16  # bytes in the header of a collection, and of each object
 
 
 def write(traces: Sequence[Trace], path: Path) -> None:
-    """Write a new file in which everything carries a checksum: numbers, names and the tables that locate them.
+    """Write a new file with checksums of numbers, names and tables.
 
     In files of HDF5 before 1.10, h5py's default, the tables have no checksum, and the library loops for ever if they
     are damaged. Text is of fixed length, because text of variable length is stored without a checksum.
@@ -80,7 +80,7 @@ class _Refused(ValueError):
 
 
 class _Cut(NamedTuple):
-    """Name and content of a group, before it is checked."""
+    """Name and content of a group, unchecked."""
 
     name: str
     metadata: Any
@@ -88,7 +88,7 @@ class _Cut(NamedTuple):
 
 
 def _cuts(h5py: Any, file: Any) -> list[_Cut]:
-    """Return the arrays of numbers in every group, or in the root if they are there; ``cut_10`` follows ``cut_9``."""
+    """Return the number arrays of every group or root, naturally sorted."""
     groups = [name for name in file if isinstance(_member(h5py, file, name), h5py.Group)]
     if groups and len(groups) < len(file):
         raise _Refused("it holds datasets beside groups. Put each cut into a group of its own.")
@@ -147,18 +147,18 @@ def _table(cut: _Cut, *, native: bool) -> CutTable:
 
 
 def _text(attribute: object) -> str:
-    """Return an attribute as text: HDF5 has several ways to store it."""
+    """Return an attribute as text, however HDF5 stores it."""
     return attribute.decode("utf-8", "replace") if isinstance(attribute, bytes) else str(attribute)
 
 
 def _natural(name: str) -> list[tuple[int, str]]:
-    """Return a sorting key by which numbers count as numbers."""
+    """Return a key for natural sorting of numbers."""
     parts = re.split(r"([0-9]+)", name)
     return [(int(part), "") if place % 2 else (-1, part) for place, part in enumerate(parts)]
 
 
 def check_heaps(path: Path) -> None:
-    """Raise ValueError for a file with a heap in which an object points outside, or to itself.
+    """Raise ValueError for heaps with objects outside, or pointing to themselves.
 
     Text of variable length, which other programs use for attributes, is stored in heaps without a checksum. A length of
     zero makes libhdf5 (as late as 2.0) read the same place for ever. The files of :func:`write` have no heaps.

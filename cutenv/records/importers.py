@@ -36,7 +36,7 @@ from cutenv.sim.trace import Trace
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Imported:
-    """Content of a file, and what was found in it.
+    """Content of a file, with findings.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ class Imported:
         )
 
     def picture(self, record: int) -> dict[str, Any]:
-        """Return the fields of a :class:`cutenv.display.report.RecordPicture` of a record, counted from 0, by name."""
+        """Return a record's :class:`cutenv.display.report.RecordPicture` fields by name."""
         first = sum(max(1, len(found)) for found in self.cuts[:record])
         cuts = self.cuts[record]
         quiet = self.tared[record].metadata.get("tare_instants")
@@ -107,7 +107,7 @@ class Imported:
 def read_record(
     path: str | os.PathLike[str], mapping: ColumnMap | None = None, *, search: CutSearch | None = STANDARD
 ) -> Imported:
-    """Read the cuts of a file that this package or another program wrote, and check them.
+    """Read and check cuts from this package's or another program's file.
 
     A file whose headers name quantity and unit (:func:`cutenv.records.load`) needs no mapping; its cuts are used as
     they are. Any other text file, and a bag of ROS, is read by :func:`load_foreign`, through `mapping` or the one saved
@@ -170,7 +170,7 @@ def read_record(
 
 
 def _is_ours(path: Path) -> bool:
-    """Return whether a file was written as a record of this package, whole or damaged."""
+    """Return whether a file is this package's record, even damaged."""
     if path.suffix.lower() == ".mcap":
         return mcap_file.holds_cuts(path)
     if is_text(path):
@@ -182,7 +182,7 @@ def _is_ours(path: Path) -> bool:
 
 
 def _loads(path: Path) -> bool:
-    """Return whether a file's own names of columns define them."""
+    """Return whether a file's own column names define them."""
     try:
         return bool(load(path))
     except RecordError:
@@ -192,7 +192,7 @@ def _loads(path: Path) -> bool:
 def load_foreign(
     path: str | os.PathLike[str], mapping: ColumnMap | None = None, *, search: CutSearch | None = STANDARD
 ) -> Imported:
-    """Read the cuts in a table that another program wrote, or in a bag of ROS.
+    """Read the cuts of another program's table or ROS bag.
 
     Encoding, separator, decimal comma, lines above the header and units in it or below it are detected. In a bag each
     number of a topic is a column, such as ``/ft/wrench.wrench.force.x``, and ``stamp`` is the time. The sensor's
@@ -230,7 +230,7 @@ def load_foreign(
 def look_at(
     path: str | os.PathLike[str], mapping: ColumnMap | None = None, answers: Mapping[str, str] | None = None
 ) -> Imported:
-    """Read any record as it is understood, before anybody scores it.
+    """Read any record as understood, before scoring.
 
     A record of this package is read as it is. Any other file is read by `mapping`, by the one that was saved beside it,
     or by the proposal that is made of its own statements; the questions that these leave open are among the result.
@@ -283,7 +283,7 @@ def look_at(
 
 
 class OpenQuestions(RecordError):
-    """Error for a file that leaves open what nobody can guess.
+    """Error for a file with questions that need a person's answer.
 
     `asked` has the questions.
     """
@@ -295,7 +295,7 @@ class OpenQuestions(RecordError):
 
 
 def imported(table: NamedColumns, mapping: ColumnMap, search: CutSearch | None = STANDARD) -> Imported:
-    """Read the records and cuts of named columns through a mapping; raises as :func:`load_foreign`."""
+    """Read records and cuts through a mapping; raises as :func:`load_foreign`."""
     readings = MappedReadings.of(table, mapping)
     records: list[_Searched] = []
     parts: list[tuple[Trace, tuple[QualityIssue, ...]]] = []
@@ -329,7 +329,7 @@ def imported(table: NamedColumns, mapping: ColumnMap, search: CutSearch | None =
 
 
 def _foreign_table(path: Path, mapping: ColumnMap | None = None) -> NamedColumns:
-    """Return the columns of a file; where they have clocks of their own, at the times of the mapping's force."""
+    """Return a file's columns, on the mapped force's clock."""
     if mapping is None:
         return foreign_columns(path)
     fields = ("force", *(field for field in mapping.fields if field not in ("force", "time")))
@@ -337,7 +337,7 @@ def _foreign_table(path: Path, mapping: ColumnMap | None = None) -> NamedColumns
 
 
 def _how_to_map(table: NamedColumns) -> str:
-    """Return the columns of a table, what it leaves open and, last, the ``--map`` that is proposed for it."""
+    """Return a table's columns, open questions and proposed ``--map``."""
     found = proposal(table)
     names = f"Its columns: {', '.join(filter(None, table.headers))}. " if any(table.headers) else ""
     asked = "".join(f"{question} " for question in found.questions)
@@ -360,7 +360,7 @@ def _unused(table: NamedColumns, mapping: ColumnMap) -> tuple[str, ...]:
 
 
 def _tare(readings: MappedReadings, whole: Trace, record: RecordRows, search: CutSearch) -> tuple[Array, int] | None:
-    """Return the components' offsets [force unit] in their common quiet start, and its length; None without one."""
+    """Return offsets [force unit] from a common quiet start, or None."""
     if not readings.expression.is_norm:
         tare = find_tare(whole, search)
         return None if tare is None else (np.array([tare.offset]), tare.stop)
@@ -415,7 +415,7 @@ def _remarks(readings: MappedReadings, record: _Searched, search: CutSearch) -> 
 
 
 def _cut(trace: Trace, cut: FoundCut, lines: NDArray[np.intp], row_name: str) -> tuple[Trace, tuple[QualityIssue, ...]]:
-    """Return a cut of a record, with its place in the metadata, and its flaws with their lines in the file."""
+    """Return a record's cut with place in metadata, and its flaws."""
     part = trace.select(cut.samples)
     lines = lines[cut.samples]
     where = {"lines": [int(lines[0]), int(lines[-1])], "instants": [cut.start, cut.stop - 1]}
@@ -428,7 +428,7 @@ def _cut(trace: Trace, cut: FoundCut, lines: NDArray[np.intp], row_name: str) ->
 
 
 def readings_in(path: Path, mapping: ColumnMap | None = None) -> list[Readings]:
-    """Return the columns of every record of a file, without tare, in the file's order.
+    """Return untared columns of every record of a file.
 
     Of a file whose headers name quantity and unit they need not be a record: its clock may go back, and its force be of
     any size.
@@ -459,7 +459,7 @@ def readings_in(path: Path, mapping: ColumnMap | None = None) -> list[Readings]:
 
 
 def _of_table(table: CutTable) -> list[Readings]:
-    """Return the columns of each cut; none if a force must be computed first, or a cell is no number."""
+    """Return each cut's columns; none without direct force and numbers."""
     n = len(table.values[0])
     borders = [0, n] if table.cut is None else [0, *(np.flatnonzero(np.diff(table.cut)) + 1).tolist(), n]
     named = {column.of_trace: (column, values) for column, values in zip(table.columns, table.values, strict=True)}

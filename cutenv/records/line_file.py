@@ -13,7 +13,7 @@ from cutenv.sim.tissue.lines import CutLine, through
 
 
 def read_line(path: Path) -> CutLine:
-    """Return the line through the places of a CSV file, with columns for x and y, such as ``x_mm,y_mm``.
+    """Return the line through CSV places, such as ``x_mm,y_mm``.
 
     Raises
     ------
@@ -39,7 +39,7 @@ def read_line(path: Path) -> CutLine:
 
 
 def _column(path: Path, header: list[str], axis: str) -> tuple[int, float]:
-    """Return the number of an axis's column, and its unit [m]."""
+    """Return the number and unit of an axis's column [m]."""
     for column, name in enumerate(header):
         quantity, _, unit = name.strip().partition("_")
         if quantity == axis and unit in UNITS["position"]:

@@ -60,7 +60,7 @@ _DEFINITIONS = {
 
 
 class _Message(NamedTuple):
-    """A message to write: when it was logged [ns], and its bytes."""
+    """Message to write: log time [ns] and bytes."""
 
     stamp: int
     content: bytes
@@ -129,7 +129,7 @@ def read(path: Path) -> list[CutTable]:
 
 
 def holds_cuts(path: Path) -> bool:
-    """Return whether the file has the metadata of :func:`write`; damaged and missing ones have not."""
+    """Return whether a file has :func:`write`'s metadata, False if damaged."""
     try:
         return _content(path, only_metadata=True)[0] is not None
     except Exception:
@@ -137,7 +137,7 @@ def holds_cuts(path: Path) -> bool:
 
 
 def _content(path: Path, *, only_metadata: bool = False) -> tuple[dict[str, str] | None, dict[str, list[bytes]]]:
-    """Return our metadata, None without any, and the messages of each topic with readings."""
+    """Return our metadata or None, and reading messages by topic."""
     from mcap import records
     from mcap.stream_reader import StreamReader, breakup_chunk
 
@@ -191,7 +191,7 @@ def _table(number: int, noted: Mapping[str, str], contents: Mapping[str, list[by
 
 
 def _stamps(trace: Trace) -> list[int]:
-    """Return the time of each reading [ns] since 1970, or since the cut began where its date is not known."""
+    """Return readings' times [ns] since 1970, or the cut's start."""
     try:
         start = datetime.fromisoformat(str(trace.metadata.get("date"))).timestamp()
     except (ValueError, OverflowError, OSError):
@@ -202,7 +202,7 @@ def _stamps(trace: Trace) -> list[int]:
 
 
 def _parts_of(stamp: int) -> tuple[int, int]:
-    """Return seconds and nanoseconds as ROS has them: 32 bits, until 2038."""
+    """Return ROS's 32-bit seconds and nanoseconds, until 2038."""
     seconds, nanoseconds = divmod(stamp, 1_000_000_000)
     return min(seconds, 2**31 - 1), nanoseconds
 
@@ -231,7 +231,7 @@ def _wrenches(trace: Trace, stamps: list[int]) -> Iterator[_Message]:
 
 
 def _joints(trace: Trace, stamps: list[int]) -> Iterator[_Message]:
-    """Yield joint states: the feed along the cut, and the tilt of the blade where its angle is known."""
+    """Yield joint states: feed along the cut, and known blade tilt."""
     assert trace.position is not None
     joints = {b"feed\0": (trace.position, trace.blade_speed if trace.speed is None else trace.speed)}
     if trace.angle is not None:

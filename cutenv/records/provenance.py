@@ -31,7 +31,7 @@ _CODE = re.compile(
 
 @dataclass(frozen=True, kw_only=True)
 class TissueHandling:
-    """Handling of a piece of tissue before and during its cuts.
+    """Handling of tissue before and during its cuts.
 
     Unknown parts are None.
 
@@ -147,7 +147,7 @@ class Provenance:
 
     @classmethod
     def from_metadata(cls, metadata: Mapping[str, Any]) -> Provenance:
-        """Make the provenance from the parts of a trace's metadata that belong to it.
+        """Make the provenance from its parts of a trace's metadata.
 
         Raises
         ------
@@ -166,7 +166,7 @@ class Provenance:
 
 
 def check_operator(code: object) -> None:
-    """Raise an error for a code that may reveal who the operator is.
+    """Raise an error for a code that may identify the operator.
 
     Raises
     ------
@@ -203,7 +203,7 @@ def _check_date(value: object) -> None:
 
 
 def _json_copy(calibration: object) -> Mapping[str, Any]:
-    """Return the mapping as it would come back from a file."""
+    """Return the mapping as restored from a file."""
     if not isinstance(calibration, Mapping):
         raise TypeError(f'calibration must map names to values ({{"gain_N_per_V": 5.0}}), got {calibration!r}.')
     try:
@@ -252,7 +252,7 @@ class OperatorRow:
 
 
 def load_operators(path: str | os.PathLike[str], *, raters: Sequence[str] = ()) -> list[OperatorRow]:
-    """Read a table of operators: CSV with a row of headers, in UTF-8.
+    """Read a table of operators from CSV in UTF-8.
 
     Parameters
     ----------
@@ -305,7 +305,7 @@ def load_operators(path: str | os.PathLike[str], *, raters: Sequence[str] = ()) 
 
 
 def recorded_operators(records: Sequence[Mapping[str, Any]]) -> list[OperatorRow]:
-    """Return the operators that records name themselves, as a table would.
+    """Return operators named in records, as from a table.
 
     The sessions are an operator's days.
 

@@ -26,7 +26,7 @@ _NAME, _VERSION = SCHEMA.split("/")
 
 
 def check_schema(text: str) -> None:
-    """Raise an error for a format that this version of cutenv cannot read.
+    """Raise an error for a format that cutenv cannot read.
 
     Raises
     ------
@@ -45,7 +45,7 @@ def check_schema(text: str) -> None:
 
 
 def to_json(value: object) -> str:
-    """Return JSON text in one line of ASCII, which no program mistakes for another encoding."""
+    """Return one line of ASCII JSON, unambiguous in encoding."""
     return json.dumps(value, allow_nan=False)
 
 
@@ -67,19 +67,19 @@ def from_json(what: str, text: str | bytes) -> Any:
 
 
 def mapping_from_json(what: str, text: str | bytes) -> Mapping[str, Any]:
-    """Parse a JSON object; raises as :func:`from_json`, and for any other value."""
+    """Parse a JSON object; raise as :func:`from_json`, or if none."""
     return as_mapping(what, from_json(what, text))
 
 
 def as_mapping(what: str, value: object) -> Mapping[str, Any]:
-    """Return a value from JSON if it is an object; raise ValueError otherwise."""
+    """Return a JSON value if an object; ValueError otherwise."""
     if not isinstance(value, dict):
         raise ValueError(f'{what} is {shortened(value)}. Write names and values: {{"rig": "bench 2"}}.')
     return value
 
 
 def as_names(what: str, value: object) -> tuple[str, ...]:
-    """Return a value from JSON if it is a list of names; raise ValueError otherwise."""
+    """Return a JSON value if a list of names; ValueError otherwise."""
     if not (isinstance(value, list) and all(isinstance(name, str) for name in value)):
         raise ValueError(f"{what} is {shortened(value)}. Save the record again.")
     return tuple(value)
@@ -113,7 +113,7 @@ _BEGINNINGS = {
 
 
 class RecordError(ValueError):
-    """Error for a file that is not a record, or damaged.
+    """Error for a damaged file, or one without a record.
 
     It names the file, the place, the reason and the cure.
 
@@ -142,7 +142,7 @@ class RecordError(ValueError):
 
 
 def check_beginning(path: Path, content: bytes, name: str, allowed: Collection[bytes] = ()) -> None:
-    """Raise RecordError for an empty file, or one that begins as another format than ``name`` and the allowed do."""
+    """Raise RecordError for an empty file, or another format's."""
     if not content:
         raise RecordError(path, "it is empty. Record or copy it again.")
     for known, what in _BEGINNINGS.items():
@@ -205,13 +205,13 @@ class Column:
 
     @property
     def force_unit(self) -> str | None:
-        """Value of a trace's ``force_unit`` for this force, "N" or "1"; None if the column is not a force."""
+        """Unit of a force column, "N" or "1", else None."""
         if self.field.rpartition("_")[2] != "force":
             return None
         return "1" if self.unit == "1" else "N"
 
     def to_si(self, values: Array) -> Array:
-        """Return values in SI, of the same shape; the same array if they are in SI already."""
+        """Return values in SI, the same array if already so."""
         return _BY_SPELLING[self.field][self.unit].to_si(values)
 
 
@@ -259,7 +259,7 @@ def parse_header(name: str) -> Column:
 
 
 def parse_length(name: str, text: str) -> float:
-    """Return a length such as ``80mm``, ``8 cm`` or ``3.15in`` in metres.
+    """Return a length such as ``80mm`` or ``3.15in`` in metres.
 
     Parameters
     ----------
@@ -283,7 +283,7 @@ def parse_length(name: str, text: str) -> float:
 
 
 def header_of(field: str, force_unit: str = "N") -> str:
-    """Return the name of the column for a field of a trace: in SI, so that nothing is lost.
+    """Return a field's column name, in SI without loss.
 
     Parameters
     ----------
@@ -305,7 +305,7 @@ def header_of(field: str, force_unit: str = "N") -> str:
 
 
 def unit_of(field: str, force_unit: str = "N") -> Unit:
-    """Return the SI unit of a field of a trace, for a force the trace's own."""
+    """Return a field's SI unit, for a force the trace's."""
     quantity = field if field in _BY_SPELLING else field.partition("_")[0]
     if quantity.rpartition("_")[2] == "force":
         return _BY_SPELLING["force"][force_unit]
@@ -313,7 +313,7 @@ def unit_of(field: str, force_unit: str = "N") -> Unit:
 
 
 def _nearest(name: str, known: Iterable[str]) -> str:
-    """Return the most similar of the known names, or ""; upper and lower case count as equal."""
+    """Return the most similar known name, ignoring case, or ""."""
     by_lower = {key.lower(): key for key in known}
     found = difflib.get_close_matches(name.lower(), by_lower, n=1, cutoff=0.5)
     return by_lower[found[0]] if found else ""

@@ -28,7 +28,7 @@ ALONG_CUT = ("norm", "x", "y", "z", "-x", "-y", "-z")
 
 @dataclass(frozen=True, kw_only=True)
 class CutTable:
-    """Columns of equal length, a row for each reading, one cut after the other.
+    """Columns with a row per reading, one cut after another.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class CutTable:
     def of(
         cls, names: Sequence[str], values: Sequence[Array], columns: Sequence[Column | None] | None = None, **facts: Any
     ) -> CutTable:
-        """Make a table of columns as read, with the cut's among them; raises as :func:`parsed_headers`."""
+        """Make a table of raw columns; raises as :func:`parsed_headers`."""
         parsed = list(zip(columns or parsed_headers(names), names, values, strict=True))
         kept = [(column, name, held) for column, name, held in parsed if column is not None]
         return cls(
@@ -82,12 +82,12 @@ class CutTable:
 
 
 def row_from_0(row: int) -> str:
-    """Return the place of a row in a file without lines."""
+    """Return a row's place in a file without lines."""
     return f"row {row} (the first is 0)"
 
 
 def table_of(traces: Sequence[Trace]) -> CutTable:
-    """Make one table of some traces, with the columns that any of them holds, NaN where one of them does not."""
+    """Make one table of traces, NaN where a column is missing."""
     headers_of = [tuple(header_of(name, trace.force_unit) for name in trace.known) for trace in traces]
     any_of = dict.fromkeys(itertools.chain.from_iterable(headers_of))
     headers = tuple(
@@ -122,7 +122,7 @@ def table_of(traces: Sequence[Trace]) -> CutTable:
 
 
 def parsed_headers(names: Sequence[str]) -> list[Column | None]:
-    """Parse the quantity and unit of each column, None for the number of the cut.
+    """Parse columns' quantities and units, None for the cut number.
 
     Raises
     ------
@@ -195,7 +195,7 @@ def traces_of(table: CutTable, force: str | None = None) -> list[Trace]:
 
 @dataclass(frozen=True)
 class _Where:
-    """Map from an instant of a cut to its place in the file."""
+    """Map from a cut's instant to its place in the file."""
 
     table: CutTable
     rows: slice
@@ -271,7 +271,7 @@ def _trace(
 
 
 def _along_cut(components: Mapping[str, Array], chosen: object) -> Array:
-    """Return the force along the cut from components, as chosen."""
+    """Return the chosen force along the cut from components."""
     axes = [axis for axis in AXES if axis in components]
     if chosen not in ALONG_CUT:
         raise ValueError(f"{ALONG_KEY} is {chosen!r}; it must be one of {', '.join(ALONG_CUT)}.")
@@ -307,5 +307,5 @@ def _check_time(time: Array, where: _Where) -> None:
 
 
 def _said(column: Column | None) -> tuple[str | None, ...]:
-    """Return the quantity of a column, in whatever unit, for comparison."""
+    """Return a column's quantity, whatever its unit, for comparison."""
     return (column.field, column.axis, column.force_unit) if column else (CUT_COLUMN,)

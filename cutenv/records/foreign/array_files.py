@@ -1,4 +1,4 @@
-"""Files of named arrays by other programs: NumPy, MATLAB, HDF5.
+"""Named arrays of other programs: NumPy, MATLAB, HDF5.
 
 MATLAB from version 5 to 7.3: variables, structures, cells; HDF5 with any groups and names. Nothing is unpickled. Files
 of MATLAB are read also as LabChart and AcqKnowledge write them; of HDF5, the units in attributes, tables of pandas and
@@ -26,11 +26,11 @@ _LABELS, _VALUES, _UNITS_BESIDE = ("label", "title", "name"), ("values", "data")
 
 
 class Elements(dict[str, Any]):
-    """Elements of an array of structures or cells, named by their numbers."""
+    """Elements of a structure or cell array, named by number."""
 
 
 def named_arrays(content: Mapping[str, Any], before: str = "") -> Iterator[NamedArray]:
-    """Yield the numbers of a structure with their places, and with the names and units that stand beside them.
+    """Yield a structure's numbers with places, names and units.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def _as_array(name: str, value: Any) -> NamedArray:
 
 
 def _channel(content: Mapping[str, Any]) -> NamedArray | None:
-    """Return the channel that a structure of a label and its values is; None for any other structure."""
+    """Return the channel in a structure of label and values, or None."""
     by_key = {key.lower(): value for key, value in content.items()}
     label = next((value[0] for key in _LABELS if isinstance(value := by_key.get(key), list) and len(value) == 1), "")
     values = next((value for key in _VALUES if isinstance(value := by_key.get(key), np.ndarray | NamedArray)), None)
@@ -87,7 +87,7 @@ def _channel(content: Mapping[str, Any]) -> NamedArray | None:
 
 
 def _labelled(array: NamedArray, lists: Mapping[str, tuple[str, ...]]) -> NamedArray:
-    """Return a matrix with the lists of text beside it that have an entry for each of its columns."""
+    """Return a matrix with the text lists that label its columns."""
     counts = {count for count in array.values.shape if count > 1} if array.values.ndim == 2 else set()
     fitting = [texts for texts in lists.values() if len(texts) in counts and any(texts)]
     units = next((texts for texts in fitting if _are_units(texts)), ())
@@ -100,7 +100,7 @@ def _are_units(texts: Collection[str]) -> bool:
 
 
 def _unit_beside(name: str, content: Mapping[str, Any]) -> str:
-    """Return the unit that a variable called after another holds, ``force_unit``, or a structure ``units.force``."""
+    """Return a variable's unit from ``force_unit`` or a structure ``units.force``."""
     stem = name.lower()
     called = {f"{stem}_unit", f"{stem}_units", f"{stem}unit", f"{stem}units", f"unit_{stem}", f"units_{stem}"}
     for other, value in content.items():
@@ -114,7 +114,7 @@ def _unit_beside(name: str, content: Mapping[str, Any]) -> str:
 
 
 def read_numpy(path: Path, names: Collection[str] = ()) -> NamedColumns:
-    """Read an ``.npz`` or ``.npy`` file; raises RecordError if it is none, or holds no arrays of numbers."""
+    """Read an ``.npz`` or ``.npy`` file; RecordError without arrays of numbers."""
     notes: list[str] = []
     content: dict[str, Any] = {}
     try:
@@ -182,7 +182,7 @@ def _variables(path: Path, notes: list[str]) -> dict[str, Any]:
 
 
 def _plain(name: str, value: Any, notes: list[str], depth: int = 0) -> Any:
-    """Return a variable of scipy's as numbers, lists of text, or a mapping of those; None for an object of MATLAB."""
+    """Return scipy's variable as numbers, text lists or mapping, else None."""
     if type(value).__name__ in ("MatlabOpaque", "MatlabFunction") or depth > _DEEPEST:
         return _object(name, notes)
     if not isinstance(value, np.ndarray):
@@ -238,7 +238,7 @@ def _hdf5_plain(h5py: Any, name: str, item: Any, notes: list[str], depth: int = 
 
 
 def _labchart(path: Path, content: Mapping[str, Any], notes: list[str]) -> NamedColumns:
-    """Read LabChart's export: one long row, and where each channel begins and ends in it for each block [from 1]."""
+    """Read LabChart's export, one long row with blocks indexed [from 1]."""
     data = np.asarray(content["data"]).reshape(-1)
     titles = content["titles"]
     starts, ends = (content[name].reshape(len(titles), -1).astype(int) for name in ("datastart", "dataend"))
@@ -305,7 +305,7 @@ def read_hdf5(path: Path, names: Collection[str] = ()) -> NamedColumns:
 
 
 def _content(h5py: Any, group: Any) -> dict[str, Any]:
-    """Return what a group holds, by name, as :func:`cutenv.records.foreign.array_files.named_arrays` takes it."""
+    """Return a group's content by name, for :func:`cutenv.records.foreign.array_files.named_arrays`."""
     content = _numbers_among(group.attrs)
     if "axis0" in group and any(name.endswith("_values") for name in group):
         return content | _frame(group)
@@ -337,7 +337,7 @@ def _dataset(h5py: Any, item: Any, name: str) -> dict[str, Any]:
 
 
 def _frame(group: Any) -> dict[str, Any]:
-    """Return the columns of a table of pandas, ``to_hdf`` with ``format="fixed"``: blocks of columns of one kind."""
+    """Return the columns of a pandas table in fixed HDF5 format."""
     found: dict[str, Any] = {}
     for name in group:
         if name.endswith("_values"):
@@ -350,7 +350,7 @@ def _frame(group: Any) -> dict[str, Any]:
 
 
 def _numbers_among(attributes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return attributes that are one number: one of them may be the rate."""
+    """Return the single-number attributes, one of which may be the rate."""
     return {
         name: np.asarray(value)
         for name, value in attributes.items()

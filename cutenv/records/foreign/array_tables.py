@@ -1,4 +1,4 @@
-"""Arrays with names as columns, and series joined at common times.
+"""Named arrays as columns, and series joined at common times.
 
 Which arrays belong together, and at which rate, as MATLAB, HDF5, NumPy and others keep them. Series of readings, each
 on its own clock, are brought to the times of one of them: topics, streams and channels.
@@ -45,7 +45,7 @@ class Series:
     values: Array
 
     def in_order(self) -> Series:
-        """Return the readings in the order of their times, the first of those with the same time."""
+        """Return readings in time order, the first of equal times."""
         times, first = np.unique(self.times, return_index=True)
         return Series(source=self.source, headers=self.headers, times=times, values=self.values[first])
 
@@ -213,7 +213,10 @@ def table_of_arrays(
 def below_one_another(
     path: Path, about: str, tables: Sequence[tuple[str, NamedColumns]], notes: Sequence[str]
 ) -> NamedColumns:
-    """Return several records, each with its name, as one table with parts; those with other columns are left out."""
+    """Return several named records as one table with parts.
+
+    Those with other columns are left out.
+    """
     headers = tables[0][1].headers
     alike = [(name, table) for name, table in tables if table.headers == headers]
     others = [name for name, table in tables if table.headers != headers]
@@ -237,7 +240,7 @@ def below_one_another(
 
 
 def is_time(name: str, values: NDArray[Any]) -> bool:
-    """Return whether a column is the time, by its name; ``t_force`` is, if it rises."""
+    """Return whether a column is named as time; ``t_force`` must rise."""
     stem, unit = split_header(name)
     known = known_spelling(unit) if unit else None
     if known is not None and known.quantity != "time":
@@ -248,7 +251,7 @@ def is_time(name: str, values: NDArray[Any]) -> bool:
 
 
 def seconds(table: NamedColumns, column: int, notes: list[str]) -> Array:
-    """Return a column with times in seconds; without a unit in the plausible one, which a note says."""
+    """Return times in seconds; a missing unit is guessed and noted."""
     cells = table.typed(column)
     unit = table.unit(column, "time")
     if unit is None:
@@ -258,7 +261,7 @@ def seconds(table: NamedColumns, column: int, notes: list[str]) -> Array:
 
 
 def _records(arrays: Sequence[NamedArray], notes: list[str]) -> dict[str, list[NamedArray]]:
-    """Return the arrays of each record, with names inside it; one record "" if nothing is repeated by number."""
+    """Return each record's arrays, named within it; one "" without repetition."""
     for depth in range(1, max((each.name.count(".") for each in arrays), default=0) + 1):
         groups: dict[str, list[NamedArray]] = {}
         for each in arrays:
@@ -328,7 +331,7 @@ def _table(
 
 
 def _common(names: Sequence[str]) -> str:
-    """Return the place, with its dot, that all columns share: they are named without it."""
+    """Return the common prefix of all column names, with its dot."""
     first = names[0].rpartition(".")[0]
     while first and not all(name.startswith(f"{first}.") and not name[len(first) + 1].isdigit() for name in names):
         first = first.rpartition(".")[0]
@@ -349,7 +352,7 @@ def _series(path: Path, columns: Sequence[_Column], notes: list[str]) -> Series:
 
 
 def _columns(array: NamedArray, notes: list[str]) -> list[_Column]:
-    """Return the columns that an array holds; none for a picture or a single number."""
+    """Return an array's columns; none for a picture or single number."""
     values = array.values
     if values.dtype.names:  # a record array
         fields = [(f"{array.name}.{name}".lstrip("."), values[name]) for name in values.dtype.names]
@@ -374,7 +377,7 @@ def _columns(array: NamedArray, notes: list[str]) -> list[_Column]:
 
 
 def _labels(name: str, count: int) -> list[str]:
-    """Return the names of the columns of a matrix that nothing names: components of a force, or their numbers."""
+    """Return names for an unnamed matrix's columns: force components or numbers."""
     if count == 1:
         return [name]
     of_force = _FORCES.intersection(re.split(r"[^a-z]+", name.lower())) and count in (3, 6)
@@ -382,7 +385,7 @@ def _labels(name: str, count: int) -> list[str]:
 
 
 def _rate(arrays: Sequence[NamedArray]) -> float | None:
-    """Return the readings a second that a single number states [Hz]; None if none does, or not plausibly."""
+    """Return the rate if a single number states it [Hz], or None."""
     for each in arrays:
         if each.values.size != 1 or each.values.dtype.kind not in "fiu":
             continue

@@ -1,4 +1,4 @@
-"""Parquet and Feather of other programs, also with lists in cells, and data sets of LeRobot, each episode a record."""
+"""Parquet, Feather and LeRobot data sets of other programs."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ _INFO = "meta/info.json"
 
 
 def is_lerobot(path: Path) -> bool:
-    """Return whether a path is the folder of a LeRobot data set."""
+    """Return whether a path is a LeRobot data set's folder."""
     return (path / _INFO).is_file() and (path / "data").is_dir()
 
 
 def read(path: Path, names: Collection[str] = ()) -> NamedColumns:
-    """Read a file of Parquet or Feather, or all files of a LeRobot data set by its folder.
+    """Read a Parquet or Feather file, or a LeRobot data set.
 
     A list in a cell is several columns, named by the data set's ``meta/info.json``, or by its places. A list of lists
     holds several readings of a sensor that is faster than the frames. The rows of an episode (``episode_index``) are a
@@ -74,7 +74,7 @@ def read(path: Path, names: Collection[str] = ()) -> NamedColumns:
 
 
 def _table(files: list[Path], features: Mapping[str, Any]) -> Any:
-    """Return the files as one table, without pictures, structures as columns of their own."""
+    """Return the files as one table, flattened and without pictures."""
     arrow = optional_import("pyarrow", "pyarrow", "Parquet")
     if files and files[0].suffix.lower() == ".parquet":
         parquet = optional_import("pyarrow.parquet", "pyarrow", "Parquet")
@@ -91,7 +91,10 @@ def _table(files: list[Path], features: Mapping[str, Any]) -> Any:
 
 
 def _values(column: Any) -> NDArray[Any] | None:
-    """Return a column as an array: numbers with NaN for null, times, text, or a matrix of lists of one length."""
+    """Return a column as array of numbers, times or text, or matrix.
+
+    Null among numbers is NaN; a matrix is of lists of one length.
+    """
     arrow = optional_import("pyarrow", "pyarrow", "Parquet")
     types, kind = arrow.types, column.type
     if types.is_dictionary(kind):
@@ -120,7 +123,7 @@ def _values(column: Any) -> NDArray[Any] | None:
 def _in_full(
     columns: dict[str, NDArray[Any]], windows: Mapping[str, list[int]], episodes: NDArray[Any] | None, fps: Any
 ) -> tuple[dict[str, NDArray[Any]], NDArray[Any] | None]:
-    """Return rows for each of the readings that a frame holds of the fastest sensor; the others are repeated."""
+    """Return rows at the fastest sensor's rate; other values are repeated."""
     times = max(windows[name][0] for name in columns if name in windows)
     found = {}
     for name, values in columns.items():
@@ -136,7 +139,7 @@ def _in_full(
 
 
 def _labelled(name: str, values: NDArray[Any], feature: Mapping[str, Any], unit: str) -> NamedArray:
-    """Return a column with names and units of what is in it, as a data set's description gives them."""
+    """Return a column with the data set's names and units."""
     stated = {**feature, **(feature.get("info") or {})}
     units = next((stated[key] for key in ("units", "unit") if stated.get(key)), unit)
     count = values.shape[1] if values.ndim == 2 else 1
@@ -155,7 +158,7 @@ def _is_wrench(name: str) -> bool:
 
 
 def _without_copies(table: NamedColumns) -> NamedColumns:
-    """Return a data set's columns without the forces outside of its wrenches: these are means, limits and copies."""
+    """Return columns without forces outside of wrenches: means, limits, copies."""
     kept = [k for k, header in enumerate(table.headers) if _is_wrench(header) or not _is_force(table, k)]
     left = [header for k, header in enumerate(table.headers) if k not in kept]
     if not left or not any(_is_wrench(header) for header in table.headers):
@@ -177,7 +180,7 @@ def _is_force(table: NamedColumns, column: int) -> bool:
 
 
 def _flat(names: Any) -> Iterator[str]:
-    """Yield the names of a feature, which LeRobot has as a list, or as lists by kind (``{"motors": [...]}``)."""
+    """Yield the names of a LeRobot feature, flattened."""
     if isinstance(names, dict):
         names = [each for value in names.values() for each in _flat(value)]
     for each in names if isinstance(names, list) else []:

@@ -89,7 +89,7 @@ class CellValues:
 
 
 def cell_values(cells: Sequence[str], decimal: str) -> CellValues:
-    """Return the cells of a column as numbers, by a decimal sign."""
+    """Return a column's cells as numbers, by decimal sign."""
     try:
         if decimal == "." and not any("_" in cell for cell in cells):
             found = _exact(cells, np.fromiter(map(float, cells), np.float64, len(cells)))
@@ -105,7 +105,7 @@ def cell_values(cells: Sequence[str], decimal: str) -> CellValues:
 
 
 def of_array(values: object) -> CellValues:
-    """Return a column that a binary format holds: numbers, ``datetime64`` or ``timedelta64``, or text."""
+    """Return a binary column: numbers, ``datetime64``, ``timedelta64`` or text."""
     array = np.asarray(values).reshape(-1)
     if array.dtype.kind == "M":
         return _moments(array.astype("datetime64[ns]").astype(np.int64), "date", np.isnat(array))
@@ -121,7 +121,7 @@ def of_array(values: object) -> CellValues:
 
 
 def _exact(cells: Sequence[str], values: Array) -> CellValues:
-    """Return numbers; large whole ones from the first on, for which their digits are read again."""
+    """Return numbers; large whole ones relative to the first, from digits."""
     if values.size and np.abs(values[np.isfinite(values)]).max(initial=0.0) > _EXACT:
         try:
             whole = [int(cell) for cell in cells]
@@ -133,7 +133,7 @@ def _exact(cells: Sequence[str], values: Array) -> CellValues:
 
 
 def may_be_thousands(values: Array) -> bool:
-    """Return whether numbers with decimals may be whole ones in groups of thousands: 998, then 1.002."""
+    """Return whether decimals may be thousands separators: 998, then 1.002."""
     known = values[np.isfinite(values)]
     broken = known[known != np.rint(known)]
     whole = known.size - broken.size
@@ -160,14 +160,14 @@ def _numbers(cells: Sequence[str], decimal: str) -> CellValues:
 
 
 def _jump(values: Array, signed: Array) -> float:
-    """Return the usual change between neighbours of which one only is written with a sign among its digits."""
+    """Return the usual change between neighbours with different digit signs."""
     changes = np.abs(np.diff(values))[np.diff(signed)]
     known = changes[np.isfinite(changes)]
     return float(np.median(known)) if len(known) else np.inf
 
 
 def plain_float(cell: str, decimal: str) -> float:
-    """Return the number in a cell without thousands or a unit, quickly; ValueError if it holds none."""
+    """Return a plain cell's number quickly; ValueError if none."""
     if decimal == ",":
         if "." in cell:
             raise ValueError("a sign that parts thousands")
@@ -211,7 +211,7 @@ def _read(cells: Sequence[str], decimal: str, *, thousands: bool) -> CellValues:
 
 
 def _times(cells: Sequence[str]) -> CellValues | None:
-    """Return cells that are dates, clocks or durations in seconds from the first; None if most are none of these."""
+    """Return dates, clocks or durations as seconds from the first, or None."""
     pattern = next((each for each in _MOMENTS if any(each.fullmatch(cell) for cell in cells[:50])), None)
     if pattern is None:
         return None
@@ -254,7 +254,7 @@ def _times(cells: Sequence[str]) -> CellValues | None:
 
 
 def _fraction_reader(found: Sequence[re.Match[str]]) -> Callable[[str, str], int]:
-    """Return a reader of the digits behind the seconds [ns]: decimals, or milliseconds that are not filled up."""
+    """Return a reader of second fractions [ns]: decimals or unpadded milliseconds."""
     fractions = [(each["f"], each["sign"]) for each in found if "f" in each.re.groupindex and each["f"]]
     lengths = {len(digits) for digits, _ in fractions}
     if (
@@ -277,7 +277,7 @@ def _moments(moments: np.ndarray[tuple[int], np.dtype[np.int64]], kind: str, mis
 
 
 def _day(date: str, *, day_first: bool) -> int:
-    """Return the number of a day from 1970 on, in any order of its parts; 0 for none that exists."""
+    """Return a date's day number from 1970, 0 if invalid."""
     parts = [part for part in re.split(r"[-/., ]+", date) if part]
     if len(parts) == 1:
         parts = [date[:4], date[4:6], date[6:]]

@@ -18,14 +18,14 @@ _FEW = 0.02  # share of repeated times that are repeated readings, not a coarse 
 
 
 class ClockStretch(NamedTuple):
-    """Rows of one record, and their strictly increasing times [s]."""
+    """Rows of one record with strictly increasing times [s]."""
 
     rows: RowNumbers
     time: Array
 
 
 def stretches(time: Array, rows: RowNumbers, *, of_day: bool, notes: list[str]) -> tuple[list[ClockStretch], int]:
-    """Return the records in some rows whose clock may restart, with the number of repeated readings left out.
+    """Return records between clock restarts, and the number of repeated readings.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def stretches(time: Array, rows: RowNumbers, *, of_day: bool, notes: list[str]) 
 
 
 def _unwound(time: Array, notes: list[str]) -> Array:
-    """Return times of a day without the jumps of midnight, of a clock of twelve hours, and of summer time."""
+    """Return times of day without jumps: midnight, twelve-hour clock, summer time."""
     steps = np.diff(time)
     usual = float(np.median(np.abs(steps))) if len(steps) else 0.0
     slack = max(5.0 * usual, 0.5)
@@ -71,7 +71,7 @@ def _unwound(time: Array, notes: list[str]) -> Array:
 
 
 def _restarts(time: Array) -> tuple[RowNumbers, list[int]]:
-    """Return the order in which the rows were measured, and where the clock starts again in it."""
+    """Return rows in measured order, and the clock's restarts in it."""
     falls = np.flatnonzero(np.diff(time) < 0.0)
     order = np.arange(len(time))
     borders: list[int] = []
@@ -92,7 +92,7 @@ def _restarts(time: Array) -> tuple[RowNumbers, list[int]]:
 
 
 def _spread(time: Array, notes: list[str]) -> tuple[RowNumbers, Array]:
-    """Return the readings to keep, and times that increase: repeated ones are spread if the clock is a coarse one."""
+    """Return kept readings and increasing times, repeats of coarse clocks spread."""
     every = np.arange(len(time))
     same = np.diff(time) <= 0.0
     if not same.any():
@@ -118,5 +118,5 @@ def _spread(time: Array, notes: list[str]) -> tuple[RowNumbers, Array]:
 
 
 def _only_first(starts: RowNumbers, n: int) -> bool:
-    """Return whether only the first time is repeated, by readings before a trigger."""
+    """Return whether only the first time repeats, before a trigger."""
     return len(starts) > 1 and n - len(starts) == int(starts[1]) - 1

@@ -1,4 +1,4 @@
-"""Mapping from the columns of another program's file to the fields of a trace, given by a person."""
+"""Mapping of a foreign file's columns to fields of a trace."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Expression:
 
 @dataclass(frozen=True, kw_only=True)
 class ColumnMap:
-    """Mapping from the columns of a file to the fields of a trace.
+    """Mapping from a file's columns to a trace's fields.
 
     Each field is an expression in text: a column's name (``Kraft``), its opposite (``-Fx``), the norm of components
     (``norm(Fx,Fy,Fz)``), or a value set by hand (``90deg``, ``20mm``; speed, angle and depth only). A column may be
@@ -172,7 +172,7 @@ class ColumnMap:
         return cls(**given, unit=unit, rate=rate, split_by=split_by)
 
     def __str__(self) -> str:
-        """Options of a command line that give this mapping, such as ``--map time=t force=F --unit N``."""
+        """Command line options, such as ``--map time=t force=F --unit N``."""
         items = {field: getattr(self, field) for field in self.fields}
         if self.rate is not None:
             items["rate"] = f"{self.rate:.10g}Hz"
@@ -181,7 +181,7 @@ class ColumnMap:
         return options_text(items | ({} if self.unit is None else {"unit": self.unit}))
 
     def to_json(self) -> str:
-        """Return JSON text, from which :meth:`from_json` restores the mapping exactly."""
+        """Return JSON text from which :meth:`from_json` restores the mapping."""
         return json.dumps({"schema": MAP_SCHEMA, **dataclasses.asdict(self)}, indent=1) + "\n"
 
     @classmethod
@@ -201,7 +201,7 @@ class ColumnMap:
         return cls(**content | {"split_by": tuple(content["split_by"])})
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the mapping into a JSON file, or as :data:`MAP_FILE` into a folder; return the path."""
+        """Write the mapping as JSON, named :data:`MAP_FILE` in folders; return path."""
         path = Path(path)
         path = path / MAP_FILE if path.is_dir() else path
         with atomic_write(path) as part:
@@ -210,7 +210,7 @@ class ColumnMap:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> ColumnMap:
-        """Read a saved mapping, from its file or from the folder that holds it.
+        """Read a saved mapping from its file or folder.
 
         Raises
         ------
@@ -228,7 +228,10 @@ class ColumnMap:
 
 
 def options_text(items: Mapping[str, str]) -> str:
-    """Return the options of a command line for the items of a mapping, of which "unit" is the force's unit."""
+    """Return command line options for a mapping's items.
+
+    The item "unit" is the unit of the force.
+    """
     order = ("time", "rate", *(field for field in UNITS if field != "time"), "split_by")
     fields = [shlex.quote(f"{name}={items[name]}") for name in order if name in items]
     unit = f" --unit {items['unit']}" if "unit" in items else ""
@@ -236,7 +239,7 @@ def options_text(items: Mapping[str, str]) -> str:
 
 
 def known_unit(field: str, unit: str) -> str:
-    """Return the spelling in ``UNITS[field]`` of a unit as people write it.
+    """Return the spelling in ``UNITS[field]`` of a unit as written.
 
     Raises
     ------
@@ -247,7 +250,7 @@ def known_unit(field: str, unit: str) -> str:
 
 
 def column_of(field: str, unit: str) -> Column:
-    """Return the column of a field in a unit, which converts to SI."""
+    """Return a field's column that converts a unit to SI."""
     return Column(field=field, axis=None, unit=unit)
 
 
@@ -299,7 +302,7 @@ def _set_by_hand(field: str, text: str, value: float, unit: str | None, behind: 
 
 
 def _names(text: str) -> tuple[str, ...]:
-    """Return the names between commas; names in quotation marks may contain commas."""
+    """Return comma-separated names; quoted ones may contain commas."""
     if not text.strip():
         return ()
     (cells,) = csv.reader([text.replace("\n", " ").replace("\r", " ")], skipinitialspace=True)

@@ -53,7 +53,7 @@ class CutSearch:
 
 @dataclass(frozen=True, kw_only=True)
 class Tare:
-    """Mean reading of the sensor in instants ``0 .. stop - 1``, before contact, and its standard error."""
+    """Mean sensor reading in instants ``0 .. stop - 1`` before contact."""
 
     offset: float
     standard_error: float
@@ -62,7 +62,7 @@ class Tare:
 
 @dataclass(frozen=True, kw_only=True)
 class FoundCut:
-    """Cut in a record: its instants are ``start`` to ``stop - 1``."""
+    """Cut in a record, at instants ``start`` to ``stop - 1``."""
 
     start: int
     stop: int
@@ -78,21 +78,21 @@ STANDARD = CutSearch()
 
 
 def noise_level(force: Array) -> float:
-    """Return the standard deviation of a record's noise, from the calmest 95 % of its changes between readings."""
+    """Return the noise SD from the calmest 95 % of changes."""
     change = np.sort(np.abs(np.diff(force)))
     calmest = change[: max(1, math.ceil(_CALMEST * len(change)))]
     return float(np.sqrt(np.mean(calmest**2) / 2.0)) / _CALMEST_SD
 
 
 def contact_level(trace: Trace, search: CutSearch) -> float:
-    """Return the least smoothed force that exceeds noise, in the trace's force unit."""
+    """Return the least smoothed force above noise, in the force's unit."""
     floor = search.contact if trace.force_unit == "N" else _SHARE * float(np.ptp(trace.force))
     smoothed = _readings(trace, _SMOOTHED)
     return max(floor, _ABOVE_NOISE * noise_level(trace.force) / math.sqrt(smoothed))
 
 
 def find_tare(trace: Trace, search: CutSearch | None = None) -> Tare | None:
-    """Find the sensor's zero in the quiet start of a record, before the blade moves and meets tissue.
+    """Find the sensor's zero in a record's quiet start.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def find_tare(trace: Trace, search: CutSearch | None = None) -> Tare | None:
 
 
 def find_cuts(trace: Trace, search: CutSearch | None = None) -> list[FoundCut]:
-    """Find start and end of every cut in a record whose force has been tared.
+    """Find start and end of every cut in a tared record.
 
     Cuts are separated where the blade is unloaded for `search.pause`, and at rest, if its position is known. A cut
     begins where the force first rises, and ends with the last force or, if position is known, the last motion, so that
@@ -188,12 +188,15 @@ def find_cuts(trace: Trace, search: CutSearch | None = None) -> list[FoundCut]:
 
 
 def moving(trace: Trace) -> NDArray[np.bool_]:
-    """Return where the blade moves, shape (n,); to within 0.1 s."""
+    """Return where the blade moves, within 0.1 s, shape (n,)."""
     return np.abs(steady_speed(trace)) > STANDSTILL_SPEED
 
 
 def steady_speed(trace: Trace) -> Array:
-    """Return the speed [m/s] between means over 0.1 s, shape (n,): too coarse for a stroke, but without noise."""
+    """Return the speed between means over 0.1 s [m/s], shape (n,).
+
+    The speed is without noise, but too coarse for a stroke.
+    """
     time, (position,) = trace.time, trace.require("position", by="finding cuts")
     window = _readings(trace, _STEADY)
     if len(time) < 3 * window:
@@ -206,7 +209,7 @@ def steady_speed(trace: Trace) -> Array:
 
 
 def _with_rest(trace: Trace, cut: FoundCut, end: int) -> FoundCut:
-    """Return a cut with the rest behind it, at most to ``end``, that its last 0.1 s need in order to show rest."""
+    """Return a cut with the rest needed in its last 0.1 s."""
     if trace.position is None or cut.stop - cut.start < 2:
         return cut
     x, time = trace.position, trace.time
@@ -217,7 +220,7 @@ def _with_rest(trace: Trace, cut: FoundCut, end: int) -> FoundCut:
 
 
 def _rise(smooth: Array, loaded: int, before: int, level: float) -> int:
-    """Return the instant at which the force began to rise, searching back from where it is detected."""
+    """Return the instant of first force rise before its detection."""
     calm = np.flatnonzero(smooth[before : loaded + 1] <= level)
     return before + int(calm[-1]) if len(calm) else before
 
@@ -227,7 +230,7 @@ def _readings(trace: Trace, seconds: float) -> int:
 
 
 def _smooth(values: Array, window: int) -> Array:
-    """Return centred means of ``window`` readings, fewer at the ends; shape (n,)."""
+    """Return centred means of ``window`` readings, fewer at ends; shape (n,)."""
     sums = np.concatenate(([0.0], np.cumsum(values)))
     i = np.arange(len(values))
     first = np.maximum(i - window // 2, 0)

@@ -1,4 +1,4 @@
-"""Files of other programs as named columns, by their suffix.
+"""Files of other programs as named columns, by suffix.
 
 LabVIEW's TDMS, LabRecorder's XDF and workbooks of Excel and OpenDocument are read here.
 """
@@ -35,7 +35,7 @@ _TDMS = "LabVIEW's TDMS"
 
 
 class _Channel(NamedTuple):
-    """A channel: group, name, unit, values, time of the first value [s], and seconds between two values or 0."""
+    """Channel: group, name, unit, values, start [s], and step [s] or 0."""
 
     group: str
     name: str
@@ -102,7 +102,7 @@ def _channel(group: Any, channel: Any) -> _Channel:
 
 
 def _tdms_record(path: Path, channels: Sequence[_Channel], names: Collection[str]) -> NamedColumns:
-    """Return channels as one table: of one length and step as they are, others at the times of the needed one."""
+    """Return channels as one table, interpolated to the needed one's times."""
     if len({(len(each.values), each.step) for each in channels}) == 1:
         return _tdms_table(path, channels)
     series: list[Series] = []
@@ -174,7 +174,7 @@ def read_xdf(path: Path, names: Collection[str] = ()) -> NamedColumns:
 
 
 def _stream_labels(info: Any, count: int) -> list[str]:
-    """Return the header of each channel, with the unit that the description gives it."""
+    """Return each channel's header, with the description's unit."""
     description = _first_value(info.get("desc")) or {}
     channels = (_first_value(description.get("channels")) or {}).get("channel") or []
     labels = []
@@ -186,7 +186,7 @@ def _stream_labels(info: Any, count: int) -> list[str]:
 
 
 def _first_value(value: Any) -> Any:
-    """Return the first element: pyxdf makes a list of everything."""
+    """Return the first element of pyxdf's lists."""
     return value[0] if isinstance(value, list) and value else value or ""
 
 
@@ -196,7 +196,7 @@ _FEWEST_ROWS = 10  # rows of a table that is a record beside longer ones, and no
 
 
 def is_workbook(path: Path) -> bool:
-    """Return whether a file is a workbook by its suffix; ``.xls`` by its first bytes: loggers call text so, too."""
+    """Return whether a file is a workbook; ``.xls`` by its content."""
     if path.suffix.lower() != ".xls":
         return path.suffix.lower() in WORKBOOKS
     with path.open("rb") as file:
@@ -204,7 +204,7 @@ def is_workbook(path: Path) -> bool:
 
 
 def read_workbook(path: Path, names: Collection[str] = ()) -> NamedColumns:
-    """Read the tables of a workbook; `names` has no effect.
+    """Read a workbook's tables; `names` has no effect.
 
     The longest is read, and below it every other with the same columns: testing machines write a sheet for each
     specimen.
@@ -275,17 +275,17 @@ PACKED = ".gz"
 
 
 def is_text(path: Path) -> bool:
-    """Return whether a path is read as text: by its suffix, and the one that it has when unpacked."""
+    """Return whether a path is text, by its unpacked suffix."""
     return _reader(Path(path.stem) if path.suffix.lower() == PACKED else path) is None
 
 
 def is_record_folder(path: Path) -> bool:
-    """Return whether a folder is one record, and not a folder of records: a bag of ROS 2, or a data set of LeRobot."""
+    """Return whether a folder is one record: ROS 2 bag or LeRobot."""
     return path.is_dir() and (is_bag(path) or arrow_file.is_lerobot(path))
 
 
 def foreign_columns(path: Path, names: Collection[str] = ()) -> NamedColumns:
-    """Read the columns of a file of another program, also of one that is packed with gzip.
+    """Read a foreign file's columns, also if packed with gzip.
 
     Parameters
     ----------

@@ -39,7 +39,7 @@ _chosen: str | None = None  # a process has one scope: liblsl reads its settings
 
 
 def lsl(scope: str | None = None) -> Any:
-    """Import pylsl, and on its first use in a process keep its streams within a scope.
+    """Import pylsl, keeping its streams within a scope at first use.
 
     Raises
     ------
@@ -75,7 +75,7 @@ _LONGEST_WAIT = 2.0  # [s] for what is still to be sent when the outlet is close
 
 
 class LslOutlet:
-    """Listener to the cuts of one source, a rig or a person who plays, that streams them.
+    """Listener that streams the cuts of one source, rig or person.
 
     A thread of its own talks to liblsl: the caller puts readings into a queue and never waits.
 
@@ -139,7 +139,10 @@ class LslOutlet:
         self._mark(f"end {cause}")
 
     def close(self) -> None:
-        """Send what is waiting, and end the streams; further calls do nothing."""
+        """Send waiting readings and end the streams.
+
+        Further calls do nothing.
+        """
         self._waiting.put(None)
         self._thread.join(_LONGEST_WAIT)
 
@@ -207,7 +210,7 @@ class LslInlet:
         self._inlet.open_stream(FIND_WITHIN)
 
     def _found(self, name: str) -> list[Any]:
-        """Return the streams of that name, or of that source id."""
+        """Return the streams of that name or source id."""
         pylsl = self._pylsl
         found: list[Any] = []
         deadline = time.monotonic() + FIND_WITHIN
@@ -224,7 +227,7 @@ class LslInlet:
         return []
 
     def pull(self, seconds: float) -> Array:
-        """Return the samples of the next ``seconds`` or fewer, shape (n, columns): time [s], channels."""
+        """Return samples of up to ``seconds``, shape (n, columns): time [s], channels."""
         samples, stamps = self._inlet.pull_chunk(timeout=seconds, max_samples=4096)
         if not stamps:
             return np.zeros((0, len(self.headers)))
@@ -243,10 +246,11 @@ def record_stream(
     seconds: float | None = None,
     on_reading: Callable[[Reading], None] = lambda newest: None,
 ) -> int:
-    """Record a stream until a time has passed or it falls silent; return the number of readings.
+    """Record a stream until time or silence ends it.
 
-    Rows are on the disk as they come, and an interrupted record can be read. Its time starts at the first sample. The
-    metadata ``stream_end`` is "asked", or "silent" if no sample has come for :data:`SILENCE`.
+    The number of readings is returned. Rows are on the disk as they come, and an interrupted record can be read. Its
+    time starts at the first sample. The metadata ``stream_end`` is "asked", or "silent" if no sample has come for
+    :data:`SILENCE`.
 
     Parameters
     ----------
@@ -335,7 +339,7 @@ def _rows(columns: dict[str, Array], mapping: ColumnMap) -> list[Reading]:
 
 
 def _labels(info: Any) -> list[str]:
-    """Return label and unit of each channel, as the description has them."""
+    """Return each channel's label and unit from the description."""
     channel = info.desc().child("channels").child("channel")
     labels = []
     for number in range(1, info.channel_count() + 1):

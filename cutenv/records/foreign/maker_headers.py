@@ -1,4 +1,4 @@
-"""Headers of laboratory programs that state names, units and rate in lines of their own, above the numbers."""
+"""Laboratory programs' file headers with names, units and rate."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class MakerHeader:
     counts: Mapping[str, float] = field(default_factory=dict)
 
     def scaled(self, names: Sequence[str], typed: Callable[[int], CellValues]) -> Callable[[int], CellValues]:
-        """Return the function that reads a column, with the counts of the header taken as their unit."""
+        """Return the column reader, with the header's counts as unit."""
         if not self.counts:
             return typed
 
@@ -80,7 +80,7 @@ class MakerHeader:
 
 
 def maker_header(lines: list[str]) -> MakerHeader:
-    """Return what the header of a known program states; the lines as they are for any other."""
+    """Return a known program's header; for others the lines unchanged."""
     first = lines[0].lstrip('"').strip()
     if first.startswith("LabVIEW Measurement"):
         return _labview(lines)
@@ -106,7 +106,7 @@ def maker_header(lines: list[str]) -> MakerHeader:
 
 
 def stated_rate(above: Sequence[str]) -> float | None:
-    """Return the readings a second that the lines above a table state [Hz]; None if they state none, or several."""
+    """Return the rate stated above a table [Hz]; None unless unique."""
     rates = set()
     for line in above:
         plain = re.sub(r'["\t;:=,]+(?=\D|$)|(?<=\D)["\t;:=,]+', " ", line)
@@ -123,7 +123,7 @@ def stated_rate(above: Sequence[str]) -> float | None:
 
 
 def stated_force_unit(above: Sequence[str]) -> str:
-    """Return the unit of force that a line above a table states for all of it; "" if none does, or several do."""
+    """Return the force unit stated above a table; "" unless unique."""
     found = (_FORCE_UNIT.fullmatch(line) for line in above)
     known = [known_spelling(said[1]) for said in found if said is not None]
     units = {each.unit for each in known if each is not None and each.quantity == "force"}
@@ -135,7 +135,7 @@ def _float(text: str) -> float:
 
 
 def _labview(lines: list[str]) -> MakerHeader:
-    """Read a LabVIEW measurement file (.lvm): a header of the file, then one of each segment."""
+    """Read a LabVIEW measurement file (.lvm) with its segments."""
     kind = next((line for line in lines[:30] if line.startswith("Separator")), "Separator\tTab")
     separator = next((sign for name, sign in (("Comma", ","), ("Semicolon", ";")) if name in kind), "\t")
     kept = list(lines)
@@ -188,7 +188,7 @@ def _labview(lines: list[str]) -> MakerHeader:
 
 
 def _labchart(lines: list[str]) -> MakerHeader:
-    """Read the header that LabChart writes in front of every block."""
+    """Read the header in front of every LabChart block."""
     kept = ["" if line.startswith(_LABCHART) else line for line in lines]
     stated = {
         key.rstrip("="): line[len(key) :] for key in _LABCHART for line in reversed(lines) if line.startswith(key)
@@ -212,7 +212,7 @@ def _labchart(lines: list[str]) -> MakerHeader:
 
 
 def _biopac(lines: list[str]) -> MakerHeader:
-    """Read the text header of AcqKnowledge: interval, number of channels, then name and unit of each."""
+    """Read AcqKnowledge's text header: interval, channel count, names and units."""
     found = re.search(rf"({_NUMBER})\s*(\S+)", lines[1])
     count = re.search(r"(\d+)\s+channel", lines[2])
     if found is None or count is None:
@@ -254,7 +254,7 @@ def _channels(lines: list[str], blocks: list[ChannelBlock], maker: str) -> Maker
 
 
 def _signal_express(lines: list[str]) -> MakerHeader:
-    """Read the text of SignalExpress: names, beginnings and steps in lines of their own below their headings."""
+    """Read SignalExpress text: names, starts and steps below their headings."""
     below = {lines[i].strip().rstrip(":"): lines[i + 1].split("\t") for i in range(min(20, len(lines) - 1))}
     end = next((i for i, line in enumerate(lines[:20]) if line.startswith("data:")), None)
     steps = {_float(cell) for cell in below.get("dt", []) if cell.strip()}
@@ -269,7 +269,7 @@ def _signal_express(lines: list[str]) -> MakerHeader:
 
 
 def _open_signals(lines: list[str]) -> MakerHeader:
-    """Read the header of OpenSignals, an object of JSON: columns and rate; whole numbers of a sensor are raw."""
+    """Read OpenSignals' JSON header: columns and rate; whole numbers are raw."""
     try:
         (device,) = json.loads(lines[1].lstrip("# ")).values()
         names, sensors, rate = device["column"], device["sensor"], float(device["sampling rate"])
@@ -283,7 +283,7 @@ def _open_signals(lines: list[str]) -> MakerHeader:
 
 
 def _beside(lines: list[str]) -> MakerHeader:
-    """Read the files of older Tektronix oscilloscopes: a header in the first two columns, beside the readings."""
+    """Read older Tektronix files, with the header in the first columns."""
     rows = [line.split(",") for line in lines]
     said = {row[0].strip(): row[1].strip() for row in rows[:30] if len(row) > 4 and row[0].strip()}
     kept = [",".join(row[3:5]) if len(row) > 4 else line for row, line in zip(rows, lines, strict=True)]
@@ -292,7 +292,7 @@ def _beside(lines: list[str]) -> MakerHeader:
 
 
 def _net_ft(lines: list[str]) -> MakerHeader:
-    """Read the header of ATI's Net F/T logger: unit and counts a unit of forces and torques."""
+    """Read ATI's Net F/T header: unit and counts per unit."""
     facts = dict(re.findall(r'"([\w ]+):(?: |",\s*")([^"]*)"', " ".join(lines[:20])))
     counts, units = {}, {}
     for what, letter in (("Force", "F"), ("Torque", "T")):
@@ -309,7 +309,7 @@ def _net_ft(lines: list[str]) -> MakerHeader:
 
 
 def _vicon(lines: list[str]) -> MakerHeader:
-    """Read the header of a table of Vicon Nexus: rate, devices, names and units, above frames and parts of a frame."""
+    """Read a Vicon Nexus table's header: rate, devices, names, units."""
     rate = re.fullmatch(rf"({_NUMBER})[,\t; ]*", lines[1].strip())
     above = next((i for i, line in enumerate(lines[:8]) if line.startswith("Frame")), None)
     if rate is None or above is None or above + 1 >= len(lines):

@@ -1,4 +1,4 @@
-"""Mapped columns of a foreign file in SI, and its records, without readings that are none."""
+"""Mapped columns of a foreign file in SI, and its records."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _FEWEST = 20  # readings that show a unit, or what is impossible
 
 
 def usual_step(time: Array) -> float:
-    """Return the mean step of a column of times, in its unit; repeated and missing readings count."""
+    """Return the mean time step in its unit, over all readings."""
     known = time[np.isfinite(time)]
     rising = np.diff(known)
     rising = rising[rising > 0.0]
@@ -48,7 +48,7 @@ def usual_step(time: Array) -> float:
 
 
 def time_units(cells: CellValues) -> tuple[str, ...]:
-    """Return the units in which a column may be the time of a record, the likeliest first; empty if in none."""
+    """Return possible time units of a column, the likeliest first."""
     if cells.unit:
         return ("s",)
     known = cells.values[np.isfinite(cells.values)]
@@ -74,7 +74,7 @@ def time_units(cells: CellValues) -> tuple[str, ...]:
 
 
 def way_units(values: Array) -> tuple[str, ...]:
-    """Return the units in which a column may be the way of a blade, the likeliest first; empty if in none."""
+    """Return possible length units of a blade's way, the likeliest first."""
     known = values[np.isfinite(values)]
     way = float(np.ptp(known)) if len(known) else 0.0
     if len(known) < _FEWEST:
@@ -97,7 +97,7 @@ _PAUSE = 10.0  # [s] longest gap between blocks of one record
 
 
 class RecordRows(NamedTuple):
-    """One record: values that part it from the others, and its rows with their times [s]."""
+    """One record: separating values, and rows with times [s]."""
 
     group: dict[str, str]
     rows: RowNumbers
@@ -106,7 +106,7 @@ class RecordRows(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MappedReadings:
-    """Mapped columns of a table in SI, its sound rows, with the force still in components.
+    """Mapped columns in SI with sound rows and force components.
 
     Attributes
     ----------
@@ -189,7 +189,7 @@ class MappedReadings:
         return self.table.lines[self.kept]
 
     def records(self) -> list[RecordRows]:
-        """Return the records: groups of the mapping, specimens and blocks of the file, and where its clock restarts."""
+        """Return records by group, specimen, block and clock restart."""
         found: list[RecordRows] = []
         repeated = 0
         for group, rows in self._groups():
@@ -232,7 +232,7 @@ class MappedReadings:
         return long
 
     def _groups(self) -> list[tuple[dict[str, str], RowNumbers]]:
-        """Return the rows of each group of `split_by`, and its values."""
+        """Return each `split_by` group's rows and values."""
         if not self.mapping.split_by:
             return [({}, np.arange(len(self.kept)))]
         keys = self.table.texts([self.table.index(name) for name in self.mapping.split_by])
@@ -243,7 +243,7 @@ class MappedReadings:
         return [(dict(zip(names, key, strict=True)), np.array(where)) for key, where in rows.items()]
 
     def _parts(self, rows: RowNumbers) -> list[tuple[dict[str, str], RowNumbers, float | None]]:
-        """Return name, rows and beginning [s] of each specimen or block among some rows."""
+        """Return name, rows and start [s] of each specimen or block."""
         if self.table.parts is None:
             return [({}, rows, None)]
         numbers = self.table.parts[self.kept[rows]]
@@ -255,7 +255,7 @@ class MappedReadings:
 
     @staticmethod
     def _add(parts: list[RecordRows], new: RecordRows, *, together: bool, start: float | None = None) -> None:
-        """Add a record, or go on with the one before if its clock runs on."""
+        """Add a record, or extend the previous if its clock continues."""
         if parts and together:
             before = parts[-1]
             time = new.time
@@ -268,7 +268,7 @@ class MappedReadings:
         parts.append(new)
 
     def _check_groups(self, rows: RowNumbers) -> None:
-        """Raise RecordError if some column parts the rows into records whose times are the same."""
+        """Raise RecordError if a column separates records of the same times."""
         assert self.time is not None
         time = self.time[rows]
         if len(time) < 4 or np.count_nonzero(np.diff(time) <= 0.0) < 0.2 * len(time):
@@ -283,7 +283,7 @@ class MappedReadings:
             )
 
     def trace(self, record: RecordRows, tare: tuple[Array, int] | None) -> Trace:
-        """Return a record as a trace, without the components' offsets [force unit] if a tare is given."""
+        """Return a record as trace, less the tare's offsets [force unit]."""
         offsets, quiet = (None, 0) if tare is None else tare
         rows = record.rows
         components = self.force[rows] if offsets is None else self.force[rows] - offsets
@@ -317,7 +317,7 @@ class MappedReadings:
             ) from None
 
     def _units_taken(self, reason: str) -> str:
-        """Return a hint at fields assumed to be in SI for want of a unit: a likely cause of values out of range."""
+        """Return a hint at fields assumed to be in SI."""
         silent = [
             field
             for field in self.mapping.fields
@@ -346,7 +346,9 @@ class MappedReadings:
 def columns_in_si(
     table: NamedColumns, mapping: ColumnMap, notes: list[str], *, guess: bool = True
 ) -> tuple[dict[str, Array], str]:
-    """Return the mapped fields of all rows in SI, each of shape (n, k), and the force's unit, "N" or "1".
+    """Return mapped fields in SI, shape (n, k), and force unit.
+
+    The force unit is "N" or "1".
 
     Parameters
     ----------
@@ -382,12 +384,12 @@ def columns_in_si(
 
 
 def along_cut(expression: Expression, components: Array) -> Array:
-    """Return the force along the cut, shape (n,), of components of shape (n, k), [force unit]."""
+    """Return the force along the cut [force unit], from components (n, k)."""
     return expression.sign * _norm(components) if expression.is_norm else components[:, 0]
 
 
 def separating_columns(table: NamedColumns, mapping: ColumnMap, rows: RowNumbers, time: Array) -> tuple[str, ...]:
-    """Return the columns whose few values part rows with repeated times into records; () if none do."""
+    """Return columns of few values that separate repeated times into records."""
     used = {table.index(name) for field in mapping.fields for name in mapping.expression(field).columns}
     shown = slice(0, 2000)
     few: dict[int, list[str]] = {}
@@ -411,7 +413,7 @@ def separating_columns(table: NamedColumns, mapping: ColumnMap, rows: RowNumbers
 
 
 def _joined(columns: dict[str, Array], kept: RowNumbers, notes: list[str]) -> RowNumbers:
-    """Keep the rows with a force if other columns are slower or faster, and interpolate these there, in time."""
+    """Keep rows with a force; interpolate slower or faster columns there."""
     known: dict[str, _Mask] = {field: np.all(np.isfinite(values), axis=1) for field, values in columns.items()}
     share = {field: float(np.mean(~each)) for field, each in known.items()}
     time = columns.get("time")
@@ -446,7 +448,7 @@ def _finite(
     kept: RowNumbers,
     left_out: list[LeftOut],
 ) -> RowNumbers:
-    """Keep the rows that hold a number in every column, and say how many do not."""
+    """Keep rows of numbers in every column, and count the others."""
     bad: dict[str, _Mask] = {f: ~np.all(np.isfinite(values), axis=1) for f, values in columns.items()}
     lost: _Mask = np.logical_or.reduce(list(bad.values()))
     if not lost.any():
@@ -473,7 +475,7 @@ def _finite(
 def _without_spikes(
     table: NamedColumns, columns: dict[str, Array], kept: RowNumbers, left_out: list[LeftOut]
 ) -> RowNumbers:
-    """Leave out single readings of force or position that no sensor can have shown between their neighbours."""
+    """Leave out single readings impossible for a sensor between their neighbours."""
     for field in ("force", "position"):
         if field not in columns or len(kept) < _FEWEST:
             continue
@@ -496,7 +498,7 @@ def _without_spikes(
 
 
 def spikes(values: Array) -> _Mask:
-    """Return which readings stand alone, farther from their neighbours than the whole record ranges; shape (n,)."""
+    """Return which readings jump by more than the whole range, shape (n,)."""
     calm = median_filter(values, size=5, mode="nearest")
     away = np.abs(values - calm)
     span = float(np.ptp(calm))
@@ -519,7 +521,7 @@ def _check_rate(table: NamedColumns, time: Array | None) -> None:
 
 
 def _set_position(columns: dict[str, Array], notes: list[str]) -> None:
-    """Count a position from the first reading on where its own zero is out of reach."""
+    """Count a position from its start if its zero is unreachable."""
     position = columns.get("position")
     if position is None or not len(position):
         return
@@ -532,7 +534,7 @@ def _set_position(columns: dict[str, Array], notes: list[str]) -> None:
 
 
 def _unit_of(table: NamedColumns, field: str, expression: Expression, notes: list[str], *, guess: bool) -> str:
-    """Return the unit of a field from the mapping or the file; else the plausible one, but never for force."""
+    """Return a field's unit: mapped, stated or plausible, but force unguessed."""
     places = [table.index(name) for name in expression.columns]
     header = {unit for place in places if (unit := _header_unit(table, place, field, expression)) is not None}
     if len(header) > 1:
@@ -564,7 +566,7 @@ def _unit_of(table: NamedColumns, field: str, expression: Expression, notes: lis
 
 
 def assumed_unit(table: NamedColumns, field: str, places: Sequence[int]) -> str:
-    """Return the unit that is assumed for a field without one: for time and position the plausible one, else SI."""
+    """Return a field's assumed unit: plausible time and position, else SI."""
     likely: tuple[str, ...] = ()
     if field == "time":
         likely = time_units(table.typed(places[0]))
@@ -574,7 +576,7 @@ def assumed_unit(table: NamedColumns, field: str, places: Sequence[int]) -> str:
 
 
 def _header_unit(table: NamedColumns, place: int, field: str, expression: Expression) -> str | None:
-    """Return the unit in the file; an unknown one is ignored if the mapping gives one, another quantity's is not."""
+    """Return the file's unit; another quantity's raises, unknown may be mapped."""
     try:
         return table.unit(place, field)
     except RecordError:

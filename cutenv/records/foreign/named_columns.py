@@ -40,7 +40,7 @@ class LeftOut:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NamedColumns:
-    """Columns of equal length with their names, and all that the file states about them.
+    """Named columns of equal length, with the file's statements.
 
     Attributes
     ----------
@@ -113,7 +113,7 @@ class NamedColumns:
         lines: RowNumbers | None = None,
         **facts: Any,
     ) -> Self:
-        """Make them of arrays that a binary format, a bag or a stream holds.
+        """Make named columns of arrays from a binary format or stream.
 
         Parameters
         ----------
@@ -167,7 +167,7 @@ class NamedColumns:
         return f"{self.n_columns} columns, {self.about}, {len(self)} rows"
 
     def index(self, name: str) -> int:
-        """Return the index of the column with this name, with or without its unit, or at this place (``#2``).
+        """Return a column's index by name or place (``#2``).
 
         Raises
         ------
@@ -198,11 +198,11 @@ class NamedColumns:
         raise RecordError(self.path, f"there is no column {name!r}; there are {', '.join(names.values())}.{hint}")
 
     def header(self, index: int) -> str:
-        """Return the header of a column, or its place if it has none."""
+        """Return a column's header, or its place without one."""
         return self.headers[index] if index < len(self.headers) and self.headers[index] else f"#{index + 1}"
 
     def stated(self, index: int) -> str:
-        """Return the unit of a column as the file states it, in whatever quantity; "" if it states none."""
+        """Return a column's unit as stated in the file, or ""."""
         said = self.units[index] if index < len(self.units) else ""
         header = self.headers[index] if index < len(self.headers) else ""
         in_header = split_header(header)[1]
@@ -215,12 +215,12 @@ class NamedColumns:
         return said.strip("[](){}<> \t")
 
     def _is_indexed(self, header: str) -> bool:
-        """Return whether other columns have the same name with another number in brackets: ``wrench[0]``."""
+        """Return whether a name is one of an indexed series, ``wrench[0]``."""
         name = bare_name(header)
         return sum(bare_name(each) == name and without_brackets(each)[1].isdecimal() for each in self.headers) > 1
 
     def unit(self, index: int, field: str) -> str | None:
-        """Return the unit that the file states for a column as a field of a trace; None if it states none.
+        """Return a column's stated unit for a field, or None.
 
         Raises
         ------
@@ -244,11 +244,11 @@ class NamedColumns:
         )
 
     def values(self, index: int) -> Array:
-        """Return the numbers of a column, shape (n,), NaN where a cell holds none."""
+        """Return a column's numbers, shape (n,), with NaN for none."""
         return self.typed(index).values
 
     def texts(self, indices: Sequence[int]) -> list[tuple[str, ...]]:
-        """Return some columns as text, a tuple for each row."""
+        """Return columns as text, a tuple per row."""
         return list(zip(*(self.text(k) for k in indices), strict=True))
 
 

@@ -104,7 +104,7 @@ _MATRIX = re.compile(r"(?:.*[^a-z])?[a-z]_t_\w*?[^a-z0-9](?P<place>1[234])\W*") 
 
 @dataclass(frozen=True, kw_only=True)
 class Question:
-    """Question that a file leaves open, with the answers among which a person chooses.
+    """Question that a file leaves open, with possible answers.
 
     Attributes
     ----------
@@ -131,7 +131,7 @@ class Question:
 
 @dataclass(frozen=True, kw_only=True)
 class Proposal:
-    """Mapping that a file's own statements suggest, as items of a command line, and what they leave open.
+    """Mapping suggested by a file, with the open questions.
 
     Attributes
     ----------
@@ -146,14 +146,14 @@ class Proposal:
 
     @property
     def mapping(self) -> ColumnMap | None:
-        """The mapping; None while a question without a proposed answer is open."""
+        """Proposed mapping; None while a question lacks a proposed answer."""
         if any(question.proposed is None for question in self.questions):
             return None
         fields = [f"{name}={text}" for name, text in self.items.items() if name != "unit"]
         return ColumnMap.parse(fields, unit=self.items.get("unit"))
 
     def answered(self, items: Mapping[str, str]) -> Proposal:
-        """Return the proposal with some items set, and without the questions that they answer."""
+        """Return the proposal with items set, and answered questions removed."""
         both = {**self.items, **items}
         if "rate" in items:
             both.pop("time", None)
@@ -168,12 +168,12 @@ class Proposal:
         return replace(self, items=both, questions=rest)
 
     def __str__(self) -> str:
-        """Options of a command line, such as ``--map time=t force=F --unit N``."""
+        """Command line options, such as ``--map time=t force=F --unit N``."""
         return options_text(self.items)
 
 
 def proposal(table: NamedColumns) -> Proposal:
-    """Return the mapping that the columns suggest by their names, units and numbers, and the open questions.
+    """Return the mapping suggested by columns, and the open questions.
 
     Raises
     ------
@@ -218,7 +218,7 @@ class _Columns:
         return Proposal(items=self.items, questions=tuple(self.questions))
 
     def quantity(self, k: int) -> str:
-        """Return the quantity of a column's stated unit, "" if none is stated, "unknown" if it is not known."""
+        """Return the stated unit's quantity, "" without, or "unknown"."""
         said = self.table.stated(k)
         if not said:
             return ""
@@ -226,7 +226,7 @@ class _Columns:
         return known.quantity if known is not None else "unknown"
 
     def name(self, k: int) -> str:
-        """Return a column as written in a mapping: its bare name, or its place where the name is not plain."""
+        """Return a column as in a mapping: bare name or place."""
         names = [bare_name(header) for header in self.table.headers]
         is_plain = re.compile(r"[^\W\d][\w .]*|/[\w./]+")  # a name, or that of a topic
         stems = [column_stem(header) for header in self.table.headers]
@@ -240,7 +240,7 @@ class _Columns:
         return names[k] if plain else f"#{k + 1}"
 
     def rises(self, k: int) -> bool:
-        """Return whether a column goes on as time does: upwards, but for restarts of the clock."""
+        """Return whether a column rises like time, but for restarts."""
         values = self.cells[k].values[np.isfinite(self.cells[k].values)]
         steps = np.diff(values)
         if not len(steps):
@@ -248,7 +248,7 @@ class _Columns:
         return bool(steps.max() > 0.0) and bool((steps < 0.0).mean() < 0.1)
 
     def goes_by_one(self, k: int) -> bool:
-        """Return whether a column grows by one from reading to reading."""
+        """Return whether a column grows by one per reading."""
         values = self.known(k)
         return len(values) > 2 and bool((np.diff(values) == 1.0).mean() > 0.9)
 
@@ -282,7 +282,7 @@ class _Columns:
         return None if self.table.rate is not None else self._rising()  # a stated rate is no column's to overrule
 
     def _rising(self) -> int | None:
-        """Return the only column without a telling name that never falls, or the only one of them with even steps."""
+        """Return the only unnamed column that rises, or rises evenly."""
         free = [k for k in range(self.n) if self.filled[k] and not self.quantity(k) and not self.is_counter(k)]
         free = [k for k in free if not {*self.words[k]} & (_FORCES | _TIMES | {*_WAYS} | _DEPTHS)]
         risen = [k for k in free if self.rises(k) and bool((np.diff(self.known(k)) >= 0.0).all())]
@@ -293,7 +293,7 @@ class _Columns:
         return risen[0] if len(risen) == 1 else None
 
     def forces(self, time: int | None) -> list[int]:
-        """Return the columns that state a unit of force, or else those that are called so and state no known unit."""
+        """Return columns with a force unit, else those named so."""
         free = [k for k in range(self.n) if k != time and self.filled[k]]
         told = [k for k in free if self.quantity(k) == "force" or self.is_normalised(k)]
         strange = _DERIVED | _MOMENTS | _ORDERS
@@ -304,14 +304,14 @@ class _Columns:
         return silent or [k for k in named if self.quantity(k) in ("unknown", "other")]
 
     def is_normalised(self, k: int) -> bool:
-        """Return whether a column is a force without a unit, by our own name of it."""
+        """Return whether a column is our own force without unit."""
         try:
             return self.table.unit(k, "force") == "1"
         except RecordError:
             return False
 
     def unnamed_forces(self, time: int | None, ways: Sequence[int]) -> list[int]:
-        """Return the columns without a unit and a telling name that may be a force."""
+        """Return possible forces among columns without unit or telling name."""
         free = [k for k in range(self.n) if k != time and self.filled[k] and not self.quantity(k)]
         free = [k for k in free if k not in ways and self.cells[k].kind == "number" and not self.is_counter(k)]
         free = [k for k in free if not _NO_FORCES.intersection(self.words[k])]
@@ -319,13 +319,13 @@ class _Columns:
         return moving or self.uncalibrated(time) or free
 
     def uncalibrated(self, time: int | None) -> list[int]:
-        """Return the columns in volts or counts, which may be those of a force sensor."""
+        """Return columns in volts or counts, possibly of force sensors."""
         free = [k for k in range(self.n) if k != time and self.filled[k]]
         free = [k for k in free if self.table.stated(k).lower().rstrip("s") in _UNCALIBRATED]
         return [k for k in free if not _NO_FORCES.intersection(self.words[k])]
 
     def ways(self, time: int | None, forces: Sequence[int]) -> list[int]:
-        """Return the columns that may be the blade's way, the likeliest first."""
+        """Return possible ways of the blade, the likeliest first."""
         free = [k for k in range(self.n) if k != time and k not in forces and self.filled[k]]
         free = [k for k in free if not (_DEPTHS | _DERIVED | _PRESSED).intersection(self.words[k])]
         told = [k for k in free if self.quantity(k) == "length"]
@@ -346,7 +346,7 @@ class _Columns:
         return values[np.isfinite(values)]
 
     def ask_time(self, time: int | None) -> None:
-        """Set the time, or ask for the readings a second."""
+        """Set the time, or ask for the rate."""
         if time is None:
             if self.table.rate is not None:
                 self.items["rate"] = f"{self.table.rate:.10g}Hz"
@@ -393,14 +393,14 @@ class _Columns:
             )
 
     def rate(self, time: int, unit: str) -> float:
-        """Return the readings a second of a column of times in a unit [Hz]; 0 if there is no step."""
+        """Return a time column's rate [Hz], 0 without step."""
         step = usual_step(self.cells[time].values) * UNITS["time"][unit]
         if len(self.table) < _FEWEST:
             return LEAST_RATE
         return 1.0 / step if step else 0.0
 
     def ask_force(self, forces: list[int]) -> int:
-        """Set the force; ask for the column and the unit if the file leaves them open."""
+        """Set the force; ask for its column and unit if open."""
         chosen, others = self.component(forces)
         sign = "-" if self.counts_down(chosen) else ""
         self.items["force"] = f"{sign}{self.name(chosen)}"
@@ -455,7 +455,7 @@ class _Columns:
         return chosen
 
     def likely_unit(self, force: int) -> str | None:
-        """Return the unit in which a force that states none is one of cutting: newtons, unless they cannot be.
+        """Return the likely unit of a force without one: usually newtons.
 
         None for whole numbers of a converter.
         """
@@ -467,7 +467,7 @@ class _Columns:
         return good[0] if good else "N"
 
     def ask_unnamed(self, chosen: int, others: list[int]) -> None:
-        """Ask which of some columns without telling names is the force; the one that goes on is the way."""
+        """Ask which unnamed column is force; the smooth one is way."""
         free = (chosen, *others)
         going = [k for k in free if self.goes_on(k)]
         way = going[0] if len(going) == 1 and "position" not in self.items else None
@@ -487,7 +487,7 @@ class _Columns:
         self.questions.append(Question(about="force", text=text, choices=tuple(choices), proposed=0))
 
     def goes_on(self, k: int) -> bool:
-        """Return whether a column moves smoothly from one value to another, as a way does and a force does not."""
+        """Return whether a column moves smoothly, unlike a force."""
         values = self.known(k)
         steps = np.diff(values)
         span = float(np.ptp(values))
@@ -496,13 +496,13 @@ class _Columns:
         )
 
     def with_unit(self, k: int, sign: str = "") -> str:
-        """Return a column as a position in the mapping, with the unit that is assumed if the file states none."""
+        """Return a column as mapped position, its unit stated or assumed."""
         name = f"{sign}{self.name(k)}"
         unit = "" if self.table.stated(k) else assumed_unit(self.table, "position", [k])
         return f"{name}[{unit}]" if unit and unit != "m" else name
 
     def component(self, forces: list[int]) -> tuple[int, list[int]]:
-        """Return the likeliest column of some that may be the force, and those that may be it as well."""
+        """Return the likeliest force column, and equally possible ones."""
         spans = {k: float(np.ptp(self.known(k))) for k in forces}
         axes = [k for k in forces if self.words[k] and re.fullmatch(r"f?[xyz]", self.words[k][-1])]
         plain = [k for k in forces if k not in axes and not _WANTED.intersection(self.words[k])]
@@ -519,7 +519,7 @@ class _Columns:
         return np.array_equal(self.cells[k].values, self.cells[other].values, equal_nan=True)
 
     def counts_down(self, force: int) -> bool:
-        """Return whether a force counts negative under load, as machines count compression."""
+        """Return whether a force is negative under load, as in compression."""
         values = self.known(force)
         if len(values) < _FEWEST:
             return False
@@ -531,7 +531,7 @@ class _Columns:
         return bool(np.ptp(start) < 0.1 * (high - low)) and rest - low > 4.0 * (high - rest)
 
     def ask_position(self, ways: list[int], force: int) -> int | None:
-        """Set the position, counted away from the clamp; ask for it and its unit if the file leaves them open."""
+        """Set the position away from the clamp, or ask for it."""
         moving = [k for k in ways if np.ptp(self.known(k)) > 0.0]
         if not moving:
             return self.ask_moving_depth(force)
@@ -570,7 +570,7 @@ class _Columns:
         return chosen
 
     def ask_moving_depth(self, force: int) -> int | None:
-        """Take a depth that moves as a blade does for the position where no other column can be it, and ask."""
+        """Take a moving depth for the only possible position, and ask."""
         depths = [k for k in range(self.n) if k != force and self.is_depth(k) and self.moves(k)]
         if len(depths) != 1:
             self.ask_unknown_way(force)
@@ -587,19 +587,19 @@ class _Columns:
         return chosen
 
     def is_depth(self, k: int) -> bool:
-        """Return whether a column is called a depth and states a unit of length."""
+        """Return whether a column is named depth, with length unit."""
         called = {"depth", "tiefe", "profondeur"}.intersection(self.words[k])
         return bool(called) and self.filled[k] and self.quantity(k) == "length"
 
     def moves(self, k: int) -> bool:
-        """Return whether a column moves smoothly through a usual way, as nothing does that is set once."""
+        """Return whether a column moves smoothly through a usual way."""
         values = self.known(k)
         size = UNITS["position"][self.table.unit(k, "position") or "m"]
         way = float(np.ptp(values))
         return len(values) >= _FEWEST and way * size > _LEAST_WAY and way > 20.0 * np.median(np.abs(np.diff(values)))
 
     def ask_unknown_way(self, force: int) -> None:
-        """Ask for the unit of a position that states one which nobody knows."""
+        """Ask for the unit of a position in an unknown one."""
         for k in range(self.n):
             if k == force or not self.filled[k] or self.quantity(k) != "unknown" or self.words[k] == ["x", "value"]:
                 continue
@@ -614,12 +614,12 @@ class _Columns:
             return
 
     def rank_of(self, k: int) -> int:
-        """Return the place of a column's name among those of ways; one that is only wanted comes last."""
+        """Return a column name's rank among ways, target values last."""
         wanted = len(_WAYS) * bool(_WANTED.intersection(self.words[k]))
         return wanted + min((_WAYS.index(word) for word in self.words[k] if word in _WAYS), default=len(_WAYS))
 
     def runs_back(self, way: int, force: int) -> bool:
-        """Return whether a way counts toward the clamp: it falls while the force acts."""
+        """Return whether a way counts toward the clamp under force."""
         position, acting = self.cells[way].values, self.cells[force].values
         known = np.isfinite(position)
         if np.count_nonzero(known) < _FEWEST:
@@ -636,7 +636,7 @@ class _Columns:
         return bool(under.sum() < -0.3 * span and np.count_nonzero(under < 0.0) > np.count_nonzero(under > 0.0))
 
     def add_others(self, taken: tuple[int | None, ...]) -> None:
-        """Set angle and depth where just one column has the unit, and the depth's name."""
+        """Set angle and depth where just one column fits."""
         free = [k for k in range(self.n) if k not in taken and self.filled[k]]
         angles = [k for k in free if self.quantity(k) == "angle"]
         depths = [k for k in free if self.is_depth(k) and not set(_WAYS).intersection(self.words[k])]
@@ -649,13 +649,16 @@ class _Columns:
 
 
 def _is_filled(known: NDArray[np.bool_]) -> bool:
-    """Return whether a column has readings, and not only the header beside the first rows."""
+    """Return whether a column has readings, not only a header."""
     rows = np.flatnonzero(known)
     return len(rows) >= min(2, len(known)) and not (len(known) > 100 and rows[-1] < _HEADER_SHARE * len(known))
 
 
 def _axis_of_place(header: str, headers: Sequence[str]) -> str:
-    """Return the axis of a position column such as ``tip_x``, if the record has all three and a force; else ""."""
+    """Return a position column's axis, as of ``tip_x``, or "".
+
+    The record must have all three axes and a force.
+    """
     header, *every = [re.sub(_CAMEL, "_", each.strip()).lower() for each in (header, *headers)]
     name, axis = header[:-1], header[-1:]
     if axis not in "xyz" or not all(f"{name}{each}" in every for each in "xyz"):
@@ -668,7 +671,7 @@ def _axis_of_place(header: str, headers: Sequence[str]) -> str:
 
 
 def _words(table: NamedColumns, column: int) -> list[str]:
-    """Return the words of a column's name in small letters, without accents; a component by its number has its axis."""
+    """Return the words of a column's name, lower-case and without accents."""
     if column >= len(table.headers):
         return []
     header = table.headers[column].lower()

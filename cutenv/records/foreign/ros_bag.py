@@ -1,4 +1,4 @@
-"""Bags of ROS 1 and ROS 2, and MCAP of any program, as tables.
+"""Bags of ROS 1 and 2, and any MCAP, as tables.
 
 Every number of every message is a column. A file is read up to where a killed recorder left it.
 """
@@ -32,7 +32,7 @@ _MESSAGE_1, _CHUNK_1, _CONNECTION_1 = 2, 5, 7  # those of ROS 1
 
 
 class Message(NamedTuple):
-    """One message: its topic, when it was logged [ns], and a function that returns its content."""
+    """One message: topic, log time [ns] and content function."""
 
     topic: str
     received: int
@@ -40,14 +40,14 @@ class Message(NamedTuple):
 
 
 def is_bag(path: Path) -> bool:
-    """Return whether a path is a bag by its suffix, or the folder of a ROS 2 bag."""
+    """Return whether a path is a bag's file or folder."""
     if path.is_dir():  # ROS 2 calls the first file after the folder, and writes the other at the end
         return any((path / name).is_file() for name in ("metadata.yaml", *(f"{path.name}_0{each}" for each in _FILES)))
     return path.suffix.lower() in BAGS
 
 
 def messages(path: Path, notes: list[str]) -> Iterator[Message]:
-    """Yield the messages of a bag in the order of the file; add peculiarities to `notes`.
+    """Yield a bag's messages in file order; add peculiarities to `notes`.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def _deferred(function: Callable[..., Any], *arguments: Any) -> Callable[[], Any
 
 
 def _in_mcap(path: Path, notes: list[str]) -> Iterator[Message]:
-    """Yield those of an MCAP file, by its specification; an index is not needed."""
+    """Yield an MCAP file's messages by its specification, without index."""
     kinds = optional_import("mcap.records", "mcap", "MCAP", extra="ros")
     stream = optional_import("mcap.data_stream", "mcap", "MCAP", extra="ros")
     schemas: dict[int, Any] = {0: None}
@@ -108,7 +108,7 @@ def _in_mcap(path: Path, notes: list[str]) -> Iterator[Message]:
 
 
 def _mcap_records(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
-    """Yield operation code and content of every record; the last one as far as it goes."""
+    """Yield every record's operation code and content, the last perhaps partial."""
     while len(head := file.read(9)) == 9:
         code, length = struct.unpack("<BQ", head)
         body = file.read(min(length, _LARGEST))
@@ -119,7 +119,7 @@ def _mcap_records(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
 
 
 def _chunks_opened(records: Iterator[tuple[int, bytes]]) -> Iterator[tuple[int, bytes]]:
-    """Yield records with the content of chunks in their place; of a chunk that lost its end what is left of it."""
+    """Yield records with chunks unpacked; damaged ones as far as possible."""
     for code, body in records:
         if code != _CHUNK:
             yield code, body
@@ -136,7 +136,7 @@ def _chunks_opened(records: Iterator[tuple[int, bytes]]) -> Iterator[tuple[int, 
 
 
 def _unpacked(name: str, packed: bytes) -> bytes:
-    """Return the content of a compressed block, as far as it goes."""
+    """Return a compressed block's content as far as it goes."""
     if name in ("", "none"):
         return packed
     if name == "zstd":
@@ -152,7 +152,7 @@ def _unpacked(name: str, packed: bytes) -> bytes:
 
 
 def _in_ros1(path: Path, notes: list[str]) -> Iterator[Message]:
-    """Yield those of a bag of ROS 1, by its format 2.0; an index is not needed."""
+    """Yield a ROS 1 bag's messages by format 2.0, without index."""
     decoders: dict[int, tuple[str, Callable[[bytes], Any]]] = {}
     count = 0
     with path.open("rb") as file:
@@ -176,7 +176,7 @@ def _in_ros1(path: Path, notes: list[str]) -> Iterator[Message]:
 
 
 def _ros1_records(file: BinaryIO) -> Iterator[tuple[dict[str, bytes], bytes]]:
-    """Yield header and content of every record; the last one as far as it goes."""
+    """Yield every record's header and content, the last perhaps partial."""
     while len(length := file.read(4)) == 4:
         (size,) = struct.unpack("<I", length)
         header, length = file.read(min(size, _LARGEST)), file.read(4)
@@ -209,7 +209,7 @@ def _ros1_fields(header: bytes) -> dict[str, bytes]:
 
 
 def _decoder(encoding: str, schema: Any) -> Callable[[bytes], Any]:
-    """Return the function that reads the messages of a channel of MCAP."""
+    """Return the function that decodes an MCAP channel's messages."""
     if encoding == "json":
         return json.loads
     if encoding == "protobuf" and schema is not None:
@@ -234,7 +234,7 @@ def _store(name: str) -> Any:
 
 
 def _defined(name: str, definition: str, *, is_idl: bool = False) -> tuple[Any, str]:
-    """Return a store of types with the defined one, and its full name."""
+    """Return a type store with the defined type, and its name."""
     typesys = optional_import("rosbags.typesys", "rosbags", "A bag of ROS", extra="ros")
     kind = name if name.count("/") != 1 else name.replace("/", "/msg/")
     if is_idl:
@@ -250,7 +250,7 @@ def _defined(name: str, definition: str, *, is_idl: bool = False) -> tuple[Any, 
 
 
 def _protobuf_reader(name: str, definition: bytes) -> Callable[[bytes], Any]:
-    """Return a reader of one type of message, of the file descriptors that MCAP keeps with it."""
+    """Return a message reader from MCAP's Protobuf file descriptors."""
     described = optional_import("google.protobuf.descriptor_pb2", "protobuf", "MCAP of Protobuf", extra="formats")
     pools = optional_import("google.protobuf.descriptor_pool", "protobuf", "MCAP of Protobuf", extra="formats")
     factory = optional_import("google.protobuf.message_factory", "protobuf", "MCAP of Protobuf", extra="formats")
@@ -262,7 +262,7 @@ def _protobuf_reader(name: str, definition: bytes) -> Callable[[bytes], Any]:
 
 
 def _plain(message: Any) -> Any:
-    """Return a message of Protobuf as a mapping, with the fields that have their default, too."""
+    """Return a Protobuf message as mapping, default values included."""
     if not hasattr(message, "DESCRIPTOR"):
         return message
     found = {}
@@ -288,7 +288,7 @@ _FEW_REPEATED = 0.1  # share of repeated stamps up to which they are a slip, and
 
 
 class _PictureFound(Exception):
-    """Signal that a topic holds pictures or clouds of points.
+    """Signal for a topic of pictures or point clouds.
 
     Its few numbers are their sizes.
     """
@@ -317,7 +317,7 @@ class _Topic:
         self.received.append(received)
 
     def series(self, topic: str, times: list[int], origin: int) -> Iterator[Series]:
-        """Yield columns that the same messages hold; those of two publishers on one topic are apart."""
+        """Yield columns of the same messages, separately for each publisher."""
         seconds = 1e-9 * np.array([stamp - origin for stamp in times], dtype=np.float64)
         alike: dict[tuple[int, ...], list[str]] = {}
         for name, (places, _) in self.columns.items():
@@ -328,7 +328,10 @@ class _Topic:
 
 
 def bag_table(path: Path, names: Collection[str] = ()) -> NamedColumns:
-    """Read a bag: of ROS 2 (``.mcap``, ``.db3`` or its folder), of ROS 1 (``.bag``), or MCAP of JSON or Protobuf.
+    """Read a bag of ROS 1 or 2, or MCAP.
+
+    Suffixes are ``.bag`` for ROS 1, and ``.mcap`` and ``.db3`` for ROS 2, or its folder. MCAP may hold JSON or
+    Protobuf.
 
     Parameters
     ----------
@@ -398,7 +401,10 @@ def _reason(error: Exception) -> str:
 
 
 def _times(topics: Mapping[str, _Topic], notes: list[str]) -> dict[str, list[int]]:
-    """Return the times of topics [ns]: of their headers, or of the log where those are of several clocks or coarse."""
+    """Return topics' times [ns], from headers or, if unsuitable, the log.
+
+    Header times of several clocks, and coarse ones, are unsuitable.
+    """
     offsets = [float(np.median(np.subtract(found.stamps, found.received))) for found in topics.values()]
     if max(offsets) - min(offsets) > _CLOCKS_APART:
         notes.append("the stamps in the headers are of different clocks; the times of the log are taken")
@@ -414,7 +420,7 @@ def _times(topics: Mapping[str, _Topic], notes: list[str]) -> dict[str, list[int
 
 
 def _stamp_of(message: Any) -> int:
-    """Return the time that a message itself holds [ns]; 0 if it holds none."""
+    """Return a message's own time stamp [ns], 0 without one."""
     for name in _TIMES_INSIDE:
         inside = _field(message, name)
         stamp = _field(inside, "stamp") if name == "header" else inside
@@ -430,7 +436,10 @@ def _field(message: Any, name: str) -> Any:
 
 
 def _numbers_in(message: Any, path: str = "", unit: str = "") -> Iterator[tuple[str, float]]:
-    """Yield header and value of the numbers in a message; joints by their names, short arrays by their places."""
+    """Yield header and value of a message's numbers.
+
+    Joints go by their names, short arrays by places.
+    """
     kind = getattr(message, "__msgtype__", "")
     if kind in ("std_msgs/msg/Header", "builtin_interfaces/msg/Time"):
         return

@@ -46,13 +46,13 @@ class StatedUnit(NamedTuple):
 
 @functools.lru_cache(maxsize=4096)
 def known_spelling(text: str) -> StatedUnit | None:
-    """Return the unit that a text spells, as programs and people write it; None if it spells none that is known."""
+    """Return the unit that a text spells, or None."""
     said = _plain(text)
     return _SPELLINGS.get(said) or (None if said in _OWN_CASE else _IN_ANY_CASE.get(said.lower()))
 
 
 def unit_of_field(field: str, text: str) -> str | None:
-    """Return the key in ``UNITS[field]`` of a unit as written; None if it is unknown, or of another quantity."""
+    """Return a unit's key in ``UNITS[field]``, or None."""
     if field == "force" and text.strip() in ("1", "-"):
         return "1"
     known = known_spelling(text)
@@ -60,15 +60,16 @@ def unit_of_field(field: str, text: str) -> str | None:
 
 
 def without_brackets(header: str) -> tuple[str, str]:
-    """Split a header such as ``force [N]`` into its name and what stands in brackets, "" if nothing does."""
+    """Split a header into name and bracket content, as ``force [N]``."""
     found = _BRACKETS.fullmatch(header.strip())
     return (found[1].strip(), found[2].strip()) if found else (header.strip(), "")
 
 
 def split_header(header: str) -> tuple[str, str]:
-    """Split a header into name and unit: ``force [N]``, ``force_N``, ``force / N``, ``force in N``, ``force, N``.
+    """Split a header such as ``force [N]`` into name and unit.
 
-    Outside of brackets only a known unit is one: ``F_1`` is a channel, ``a / b`` a ratio.
+    Other forms are ``force_N``, ``force / N``, ``force in N`` and ``force, N``. Outside of brackets only a known unit
+    is one: ``F_1`` is a channel, ``a / b`` a ratio.
     """
     name, said = without_brackets(header)
     if not said and (found := _INNER.fullmatch(name)) is not None and _is_field_unit(found[2]):
@@ -101,13 +102,13 @@ def split_header(header: str) -> tuple[str, str]:
 
 
 def _is_field_unit(text: str) -> bool:
-    """Return whether a text is a unit of force, length or time."""
+    """Return whether a text is a force, length or time unit."""
     known = known_spelling(text)
     return known is not None and known.quantity in ("force", "length", "time")
 
 
 def _plain(text: str) -> str:
-    """Return a unit without brackets, blanks and the dot of an abbreviation, with one letter for micro."""
+    """Return a unit without brackets, blanks and final dot, micro unified."""
     said = text.strip().strip("[](){}<>\"' \t").replace("\u00b5", "u").replace("\u03bc", "u").replace("\ufffd", "u")
     return said.removesuffix(".").strip() if len(said) > 1 else said
 

@@ -1,4 +1,4 @@
-"""Layouts of text tables that differ from one column a channel.
+"""Layouts of text tables without one column per channel.
 
 Time in two columns, specimens side by side, units in a column of their own, one value a row, and channels below one
 another, each with its own header, as Igor and Spike2 write them.
@@ -28,7 +28,7 @@ _PARTS = (  # of a second, by the end of the name
 
 
 def whole_times(table: NamedColumns) -> NamedColumns:
-    """Return a table whose column of seconds includes the parts of a second that a second column holds."""
+    """Return a table with a second column's fractions added to seconds."""
     headers = [re.sub(r"(?<=[a-z])(?=[A-Z])", "_", header.strip()) for header in table.headers[: table.n_columns]]
     for k, header in enumerate(headers):
         for j, other in enumerate(headers):
@@ -67,7 +67,7 @@ TIME_NAME = re.compile(r"time|zeit|temps|tiempo|tempo|^t$|elapsed|^x_value$", re
 
 
 def side_by_side(table: NamedColumns) -> NamedColumns:
-    """Return a table with the specimens that stand side by side below one another, each a part; any other as it is."""
+    """Return a table with side-by-side specimens stacked as parts."""
     found = _period(table)
     if found is None:
         return table
@@ -108,7 +108,7 @@ def side_by_side(table: NamedColumns) -> NamedColumns:
 
 
 def _period(table: NamedColumns) -> tuple[int, int] | None:
-    """Return the columns of one specimen and the number of specimens; None without a repetition."""
+    """Return a specimen's columns and the number of specimens, or None."""
     headers = list(table.headers[: table.n_columns])
     if not headers:
         return None
@@ -141,12 +141,12 @@ def _is_time(table: NamedColumns, column: int) -> bool:
 
 
 def _plain(header: str) -> str:
-    """Return a name without its unit, the run in front of it and the number behind it, in small letters."""
+    """Return a lower-case name without unit, run and number."""
     return _NUMBERED.sub("", split_header(_first_name(header))[0]).strip().lower()
 
 
 def _first_name(header: str) -> str:
-    """Return a header without the run or specimen in front of it: ``Run 1: Force (N)``, ``Latest: Time (s)``."""
+    """Return a header without prefix, as of ``Run 1: Force (N)``."""
     return re.sub(r"^[^:]{1,40}:\s*(?=\S)", "", header)
 
 
@@ -154,7 +154,7 @@ _UNITS = re.compile(r"(?:.*[^a-z])?(?:units?|einheit(?:en)?)", re.IGNORECASE)
 
 
 def with_unit_columns(table: NamedColumns) -> NamedColumns:
-    """Return a table with the units of a column "Units" given to the columns in front of it that state none."""
+    """Return a table with the units of a column "Units" assigned."""
     headers = table.headers[: table.n_columns]
     units = [*table.units, *[""] * table.n_columns][: table.n_columns]
     behind, found = 0, False
@@ -171,7 +171,7 @@ def with_unit_columns(table: NamedColumns) -> NamedColumns:
 
 
 def _is_value(table: NamedColumns, k: int) -> bool:
-    """Return whether a column holds measured values: neither times nor the numbers of the readings."""
+    """Return whether a column holds measured values, not times or numbers."""
     if table.typed(k).kind != "number" or TIME_NAME.search(table.headers[k].strip()):
         return False
     values = table.values(k)
@@ -185,7 +185,7 @@ _MOST_CHANNELS = 32
 
 
 def one_column_a_channel(table: NamedColumns) -> NamedColumns:
-    """Return a table of times, channels and values with a column for each channel; any other as it is.
+    """Return a long table of channels with one column each.
 
     A column of text is one of channels if it says which of them is a force or a way; of trials it is not.
     """
@@ -244,14 +244,14 @@ def one_column_a_channel(table: NamedColumns) -> NamedColumns:
 
 
 def _varies_within(values: Array, channels: NDArray[np.str_]) -> bool:
-    """Return whether numbers vary within a channel, as those of a series do, and its number does not."""
+    """Return whether numbers vary within a channel, as readings do."""
     known = np.isfinite(values)
     each = [values[known & (channels == name)] for name in np.unique(channels)]
     return any(len(of_one) > 0 and np.ptp(of_one) > 0.0 for of_one in each)
 
 
 def _names_channels(cells: Sequence[str]) -> bool:
-    """Return whether some cells name channels, among them a force or a way."""
+    """Return whether cells name channels, including a force or way."""
     names = set(cells)
     if not 1 < len(names) <= _MOST_CHANNELS:
         return False
@@ -287,7 +287,7 @@ class ChannelBlock:
 
 
 def igor_blocks(lines: list[str]) -> list[ChannelBlock]:
-    """Return the waves of an Igor text file (.itx), with the scale that ``SetScale`` gives them."""
+    """Return an Igor text file's (.itx) waves with ``SetScale``'s scale."""
     blocks: list[ChannelBlock] = []
     inside = False
     for i, line in enumerate(lines):
@@ -306,7 +306,7 @@ def igor_blocks(lines: list[str]) -> list[ChannelBlock]:
 
 
 def _scale(command: str, blocks: list[ChannelBlock]) -> None:
-    """Take step and unit of the waves that a command of Igor names."""
+    """Set step and unit of the waves in an Igor command."""
     found = _SCALE.fullmatch(command)
     if found is None:
         return
@@ -324,7 +324,7 @@ def _scale(command: str, blocks: list[ChannelBlock]) -> None:
 
 
 def spike2_blocks(lines: list[str]) -> list[ChannelBlock]:
-    """Return the waveforms of Spike2's text output: channel, kind, name, unit, and a line of begin and step."""
+    """Return the waveforms of Spike2's text output, with begin and step."""
     blocks: list[ChannelBlock] = []
     i = 0
     while i < len(lines):
@@ -350,7 +350,7 @@ def spike2_blocks(lines: list[str]) -> list[ChannelBlock]:
 
 
 def joined_rows(lines: list[str], blocks: list[ChannelBlock]) -> list[str] | None:
-    """Return the lines with the values of all channels in those of the first block, the others blank.
+    """Return lines with all channels' values joined to the first block.
 
     None if their numbers of values or their steps differ.
     """

@@ -1,4 +1,4 @@
-"""Text files as lines, and lines that are no table yet.
+"""Text files as lines, and lines of no table yet.
 
 JSON, keys and values, the arrows of a serial monitor.
 """
@@ -31,7 +31,7 @@ _FEWEST_PAIRS = 0.8  # share of the lines that are pairs, in a file of pairs
 
 
 def text_lines(path: Path) -> list[str]:
-    """Return the lines of a text file in UTF-8, UTF-16 or one of Windows' encodings.
+    """Return a text file's lines, in UTF-8, UTF-16 or Windows encodings.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def text_lines(path: Path) -> list[str]:
 
 
 class Tabled(NamedTuple):
-    """Names, cells and line numbers of a text without a table.
+    """Names, cells and line numbers of tabled text.
 
     The `kind` of its layout; number of `odd` lines; stated `facts`.
     """
@@ -67,7 +67,7 @@ class Tabled(NamedTuple):
 
 
 def tabled(lines: Sequence[str]) -> Tabled | None:
-    """Return lines of JSON, of keys and values, or of a serial monitor as a table; None if they are none of these."""
+    """Return JSON, key-value or serial monitor lines as table, or None."""
     filled = [line for line in lines[:200] if line.strip()]
     if not filled:
         return None
@@ -91,7 +91,7 @@ def tabled(lines: Sequence[str]) -> Tabled | None:
 
 
 def plain_rows(lines: Sequence[str]) -> list[str]:
-    """Return lines without what some programs put around their cells: brackets, and blanks in front of units."""
+    """Return lines without brackets around cells and blanks before units."""
     filled = [line for line in lines[:400] if line.strip()]
     few = _FEWEST_PAIRS * len(filled)
     if sum(bool(re.fullmatch(r"\s*(?:\[.*\]|\([^()]*\)),?\s*", line)) for line in filled) > few:
@@ -102,12 +102,12 @@ def plain_rows(lines: Sequence[str]) -> list[str]:
 
 
 def _leftover(line: str) -> str:
-    """Return what is neither key nor value in a line of pairs, but for a word in front."""
+    """Return text in a line besides its pairs and leading word."""
     return re.sub(r"[\s,;|{}]+", "", _PAIR.sub("", re.sub(r"^\s*[A-Za-z]+[:>\s]+(?=[A-Za-z_]+\s*[:=])", "", line)))
 
 
 def _documents(lines: Sequence[str]) -> Tabled | None:
-    """Read messages that "---" parts, as ROS prints them: in each line a key, deeper ones below it."""
+    """Read ROS-printed messages separated by "---", with nested keys."""
     objects: list[dict[str, str]] = [{}]
     numbers, odd = [0], 0
     above: list[tuple[int, str]] = []
@@ -146,7 +146,7 @@ def _key_values(lines: Sequence[str]) -> Tabled | None:
 
 
 def _arrows(lines: Sequence[str], form: re.Pattern[str]) -> Tabled | None:
-    """Part the time in front of each line, as Arduino's serial monitor and loggers put it there, from the rest."""
+    """Split off each line's leading time, as serial monitors print it."""
     parted = [(i, found) for i, line in enumerate(lines, 1) if (found := form.fullmatch(line))]
     clocks = [found[1] for _, found in parted]
     if not MOMENT_PATTERN.fullmatch(clocks[len(clocks) // 2]):
@@ -174,7 +174,7 @@ def _arrows(lines: Sequence[str], form: re.Pattern[str]) -> Tabled | None:
 
 
 def _json(lines: Sequence[str]) -> Tabled | None:
-    """Read objects in JSON: one a line, a list of them, or one that holds lists."""
+    """Read JSON objects: one a line, a list, or of lists."""
     objects, numbers, odd = [], [], 0
     for number, line in enumerate(lines, 1):
         text = line.strip().rstrip(",")
@@ -219,7 +219,7 @@ def _whole_json(text: str) -> Tabled | None:
 
 
 def _of_pandas(value: Any) -> dict[str, list[Any]] | None:
-    """Return the columns of a table that pandas wrote by columns, or split into names and rows; None for any other."""
+    """Return columns of a pandas "columns" or "split" JSON, or None."""
     if not isinstance(value, dict):
         return None
     names, rows = value.get("columns"), value.get("data")
@@ -233,7 +233,7 @@ def _of_pandas(value: Any) -> dict[str, list[Any]] | None:
 
 
 def _lists(value: Any) -> dict[str, list[Any]] | None:
-    """Return the longest lists of equal length in an object."""
+    """Return an object's longest lists of equal length."""
     if not isinstance(value, dict):
         return None
     lists = {str(name): each for name, each in value.items() if isinstance(each, list) and len(each) > 1}
@@ -246,7 +246,7 @@ def _lists(value: Any) -> dict[str, list[Any]] | None:
 
 
 def _units_of(value: Any, names: set[str]) -> dict[str, str]:
-    """Return the units that a JSON object gives for lists, by name; {} if it gives none."""
+    """Return a JSON object's units of its lists, or {}."""
     if not isinstance(value, dict):
         return {}
     if names & set(value) and all(isinstance(each, str) for each in value.values()):

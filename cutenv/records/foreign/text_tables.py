@@ -35,7 +35,7 @@ from cutenv.records.schema import RecordError
 
 
 class Dialect(NamedTuple):
-    """Separator of cells (a space: any number of blanks), and decimal sign."""
+    """Cell separator (a space means any blanks) and decimal sign."""
 
     separator: str
     decimal: str
@@ -60,7 +60,7 @@ _COMMON = 0.05  # share of the rows above which a length or a gap is the file's 
 
 
 def sniff_table(path: Path, lines: list[str] | None = None) -> NamedColumns:
-    """Read a text file, or lines in its place, and detect its format.
+    """Read a text file, or lines, and detect its format.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def sniff_table(path: Path, lines: list[str] | None = None) -> NamedColumns:
 
 
 def split_row(row: str, separator: str) -> list[str]:
-    """Return the cells of a line; cells in quotation marks may contain the separator."""
+    """Return a line's cells; quoted ones may contain the separator."""
     if '"' in row:
         try:
             (cells,) = csv.reader([row.strip(" ")], delimiter=separator, skipinitialspace=True)
@@ -104,7 +104,7 @@ def split_row(row: str, separator: str) -> list[str]:
 
 @dataclass
 class _Rows:
-    """Rows of cells in one dialect, before they are read.
+    """Rows of cells in one dialect, unread.
 
     It says how many cells they have, and which columns hold numbers.
     """
@@ -131,7 +131,7 @@ class _Reading:
         self.sample = [self.lines[i] for i in self.written[around : around + _SAMPLE]]
 
     def table(self) -> NamedColumns:
-        """Return the table, in the dialect that explains its lines best."""
+        """Return the table in the best dialect."""
         marks = set().union(*self.sample)
         # Separators that stand nowhere part the lines alike: the first of them speaks for the others.
         nowhere = next((each for each in _NAMES if each not in marks and each != " "), None)
@@ -190,7 +190,7 @@ class _Reading:
         return None if first is None else _Rows(dialect, length, numeric, first, n_numbers / n_filled)
 
     def _first(self, holds_numbers: Callable[[str], bool]) -> int | None:
-        """Return the place of the first row: of the first of a run, for a table of results may stand above."""
+        """Return the first row's place, the first of a run."""
         anywhere = None
         for k, i in enumerate(self.written):
             if not holds_numbers(self.lines[i]):
@@ -268,7 +268,7 @@ class _Reading:
         )
 
     def _all_numbers(self, lines: list[str], rows: _Rows) -> Array | None:
-        """Return the numbers of a file in which every row is whole, shape (n, numeric columns); None for any other."""
+        """Return whole rows' numbers, shape (n, numeric columns), or None."""
         separator, decimal = rows.dialect
         if '"' in lines[0] or any('"' in line for line in lines) or (decimal == separator) or separator == "|":
             return None
@@ -293,7 +293,7 @@ class _Reading:
         return values
 
     def _sound(self, lines: list[str], places: RowNumbers, rows: _Rows, header: _Header) -> _Sound:
-        """Part the sound rows from the other lines below the first one, line by line."""
+        """Separate sound rows from other lines below the first."""
         separator, decimal = rows.dialect
         whole = _whole_line(rows, lines)
         split = {i: split_row(line, separator) for i, line in enumerate(lines) if not (whole and whole(line))}
@@ -330,7 +330,7 @@ class _Reading:
         return _Sound(_columns_of(kept, own, rows), numbers, places[good], left_out, parts, names)
 
     def _gaps_of_header(self, places: RowNumbers) -> list[int]:
-        """Return the rows before which the program wrote the header of another segment."""
+        """Return the rows before which a segment's header was repeated."""
         if not self.stated.starts:
             return []
         jumps = np.flatnonzero(np.diff(places) > 3) + 1
@@ -340,7 +340,7 @@ class _Reading:
 
 
 def _typed(columns: dict[int, Array], text: Callable[[int], Sequence[str]], k: int, decimal: str) -> CellValues:
-    """Return a column that was read as numbers, or read it from its text, where large numbers keep their digits."""
+    """Return a column of numbers, reread as text for large ones."""
     found = columns.get(k)
     if found is not None and np.abs(found[np.isfinite(found)]).max(initial=0.0) < 2.0**53:
         return CellValues(values=found)
@@ -348,7 +348,7 @@ def _typed(columns: dict[int, Array], text: Callable[[int], Sequence[str]], k: i
 
 
 def _columns_of(lines: list[str], split: dict[int, list[str]], rows: _Rows) -> Callable[[int], Sequence[str]]:
-    """Return a function that gives the cells of a column; a line that is shorter has its last cells empty."""
+    """Return a function from column to cells, padded in short lines."""
 
     @functools.cache
     def cells() -> list[list[str]]:
@@ -359,7 +359,7 @@ def _columns_of(lines: list[str], split: dict[int, list[str]], rows: _Rows) -> C
 
 
 def _whole_line(rows: _Rows, lines: list[str]) -> Callable[[str], object] | None:
-    """Return a quick test for lines of numbers alone; None where cells may hold more than plain numbers."""
+    """Return a quick test for lines of plain numbers, or None."""
     separator, decimal = rows.dialect
     if separator in (" ", "|") or separator == decimal or len(rows.numeric) < rows.length:
         return None
@@ -370,7 +370,7 @@ def _whole_line(rows: _Rows, lines: list[str]) -> Callable[[str], object] | None
 
 
 def _few_gaps(lines: list[str], split: dict[int, list[str]], rows: _Rows) -> dict[int, Array]:
-    """Return the columns of rows of plain numbers with missing ones among them, NaN there; {} for other cells."""
+    """Return columns of plain numbers with NaN gaps, or {}."""
     separator, decimal = rows.dialect
     plain = list(lines)
     for i, cells in split.items():
@@ -387,7 +387,7 @@ def _few_gaps(lines: list[str], split: dict[int, list[str]], rows: _Rows) -> dic
 
 
 def _blocks(borders: Sequence[int], n: int) -> tuple[RowNumbers | None, tuple[str, ...]]:
-    """Return the block of each of `n` rows, which some borders part, and the names of the blocks."""
+    """Return each row's block by the borders, and block names."""
     inner = sorted({k for k in borders if 0 < k < n})
     if not inner:
         return None, ()
@@ -396,7 +396,7 @@ def _blocks(borders: Sequence[int], n: int) -> tuple[RowNumbers | None, tuple[st
 
 
 class _Sound(NamedTuple):
-    """Cells of the sound rows by column, their places in the file, the lines left out, and the blocks."""
+    """Sound rows' cells by column, with places, omitted lines and blocks."""
 
     cells: Callable[[int], Sequence[str]]
     numbers: dict[int, Array]
@@ -417,7 +417,7 @@ _REASONS = {
 
 
 class _LineJudge:
-    """Judge of what a line below the first row is."""
+    """Judge of the lines below the first row."""
 
     def __init__(self, rows: _Rows, header: _Header, shortest: int, wordy: set[int]) -> None:
         self.rows, self.shortest, self.wordy = rows, shortest, wordy
@@ -425,7 +425,7 @@ class _LineJudge:
         self.heads = [[_bare(cell) for cell in cells[: rows.length]] for cells in (header.names, header.units)]
 
     def kind(self, cells: list[str]) -> str:
-        """Return "row", "incomplete", or one of the reasons for which a line is none."""
+        """Return "row", "incomplete", or why a line is no row."""
         found = odd = 0
         for k in self.rows.numeric:
             if k >= len(cells) or not (cell := cells[k]):
@@ -460,12 +460,12 @@ class _LineJudge:
 
 
 def _bare(cell: str) -> str:
-    """Return a name or a unit without brackets, in small letters."""
+    """Return a name or unit without brackets, lower-case."""
     return split_header(cell)[0].strip("()[] ").lower()
 
 
 def _is_cut_off(cells: list[str], before: list[list[str]]) -> bool:
-    """Return whether the last line of a file breaks off: shorter than the others, or with fewer decimals."""
+    """Return whether the last line breaks off, shorter or less precise."""
     usual = [row for row in before if len(row) >= len(cells)]
     if not usual:
         return False
@@ -477,7 +477,7 @@ def _is_cut_off(cells: list[str], before: list[list[str]]) -> bool:
 
 
 def _common_words(split: list[list[str]], numeric: list[int], decimal: str) -> set[int]:
-    """Return the columns in which words are common, such as a remark beside a few numbers."""
+    """Return columns with common words, such as remarks."""
     sample = split[:: max(1, len(split) // 1000)]
     found = set()
     for k in numeric:
@@ -490,7 +490,10 @@ def _common_words(split: list[list[str]], numeric: list[int], decimal: str) -> s
 
 @functools.lru_cache(maxsize=1 << 14)
 def _is_number(cell: str, *, decimal: str) -> bool:
-    """Return whether a cell holds a number, with thousands or a unit perhaps, or a time."""
+    """Return whether a cell holds a number or a time.
+
+    A number may have thousands or a unit.
+    """
     if _NUMBER[decimal].fullmatch(cell):
         return True
     if not _DIGIT.search(cell):
@@ -506,7 +509,7 @@ def _is_unit(text: str) -> bool:
 
 
 def _explained(sample: list[str], dialect: Dialect) -> float:
-    """Return the share of the lines that is numbers and their separators, in rows of the most frequent length [1]."""
+    """Return the share of lines in regular rows of numbers [1]."""
     rows = [split_row(line, dialect.separator) for line in sample]
     length, _ = Counter(len(row) for row in rows).most_common(1)[0]
     cells = [cell for row in rows if len(row) == length for cell in row]
@@ -517,7 +520,7 @@ def _explained(sample: list[str], dialect: Dialect) -> float:
 
 
 class _Header(NamedTuple):
-    """Names and units of the columns, and a description of what stands in their place if there are none."""
+    """Names and units of columns, or a description instead."""
 
     names: tuple[str, ...]
     units: tuple[str, ...]
@@ -525,7 +528,7 @@ class _Header(NamedTuple):
 
 
 def _header_of(above: Sequence[str], dialect: Dialect, length: int, numeric: Sequence[int]) -> _Header:
-    """Return names and units from the last lines above the numbers."""
+    """Return names and units from lines above the numbers."""
     filled = [line.lstrip(" #%/!").rstrip("\n ") if line.lstrip()[:1] in "#%/!" else line for line in above]
     written = filled = [line for line in filled if line.strip("\t ,;|-+=:")]
     if dialect.separator == " ":
@@ -565,7 +568,7 @@ _OF_AXIS = re.compile(r"(?:.*[^a-z])?[fmt]?[xyz]|[fmt][xyz]\W.*", re.IGNORECASE)
 
 
 def _listed(lines: Sequence[str], length: int) -> list[str]:
-    """Return the names that numbered lines give the columns, ``Channel 1: Force [N]``; [] where they do not."""
+    """Return column names from lines such as ``Channel 1: Force [N]``."""
     found = [found for line in lines if (found := _LISTED.fullmatch(line.strip())) is not None]
     numbers, names = [int(each[1]) for each in found], [each[2].strip() for each in found]
     if not numbers or numbers != list(range(numbers[0], numbers[0] + len(numbers))):
@@ -575,7 +578,7 @@ def _listed(lines: Sequence[str], length: int) -> list[str]:
 
 
 def _units_of_groups(rows: list[list[str]], names: list[str]) -> tuple[str, ...]:
-    """Return the units that a line above the names states for the axes below it: ``Force (lbf),,,Torque (Nmm),,``."""
+    """Return units from a line above the names: ``Force (lbf),,,Torque (Nmm),,``."""
     for above in reversed(rows[: rows.index(names)] if names in rows else []):
         said = [split_header(cell)[1] for cell in above]
         first = next((k for k, cell in enumerate(above) if cell), len(above))
@@ -598,14 +601,14 @@ _LABELS = {
 
 
 class _Labelled(NamedTuple):
-    """Names and units from lines that say in their first cell which of the two they hold."""
+    """Names and units from lines labelled in the first cell."""
 
     names: list[str]
     units: tuple[str, ...]
 
 
 def _labelled(rows: list[list[str]], length: int) -> _Labelled:
-    """Return names and units of lines with a label in front, in a cell of its own or above the first column."""
+    """Return names and units of lines with a leading label."""
     found: dict[str, list[str]] = {}
     for cells in rows:
         what = _label_of(cells)
@@ -618,14 +621,14 @@ def _labelled(rows: list[list[str]], length: int) -> _Labelled:
 
 
 def _label_of(cells: list[str]) -> str:
-    """Return what a line says of itself in its first cell: "units", "names", or ""."""
+    """Return a line's label from its first cell: "units", "names", ""."""
     if len(cells) < 2:
         return ""
     return next((what for what, label in _LABELS.items() if label.fullmatch(cells[0].rstrip(" :="))), "")
 
 
 def _names_and_units(rows: list[list[str]], length: int) -> tuple[tuple[str, ...], list[str]]:
-    """Return the units and the names among the last lines above a table; () and [] where there are none."""
+    """Return units and names from the last lines above a table."""
     for k in range(len(rows) - 1, max(-1, len(rows) - 5), -1):
         if not _are_units(rows[k]):
             continue
@@ -652,7 +655,7 @@ def _names_and_units(rows: list[list[str]], length: int) -> tuple[tuple[str, ...
 
 
 def _is_label(rows: list[list[str]], cells: list[str], length: int) -> bool:
-    """Return whether a line names specimens rather than columns: fuller ones stand above it."""
+    """Return whether a line names specimens, below fuller lines."""
     here = sum(bool(cell) for cell in cells)
     return any(len(row) >= length and sum(bool(cell) for cell in row) > here and row is not cells for row in rows)
 

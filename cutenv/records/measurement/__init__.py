@@ -1,4 +1,4 @@
-"""Properties of the tissue from recorded cuts; depends on records and tissue, never on the simulator."""
+"""Tissue properties from recorded cuts, independent of the simulator."""
 
 from cutenv.records.measurement.calibration import calibrate, measure_cuts, tissue_of
 from cutenv.records.measurement.constant_speed import SpeedTracking, speed_tracking

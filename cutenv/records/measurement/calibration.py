@@ -1,4 +1,4 @@
-"""Calibration: one tissue description from a set of records: values, spread, provenance, and what is less certain."""
+"""Calibration of one tissue description from a set of records."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _OFFSET = 0.1  # [N]; the note gives its effect on friction's share
 
 
 def zero_notes(cuts: Sequence[MeasuredCut]) -> list[str]:
-    """Return notes on the sensors' zeros: how much was subtracted, and which numbers an offset may distort.
+    """Return notes on sensor zeros: offsets subtracted and their effects.
 
     An unknown offset looks like friction, and where depth varies it looks like spread of the tissue.
     """
@@ -81,7 +81,7 @@ def zero_notes(cuts: Sequence[MeasuredCut]) -> list[str]:
 
 
 def calibration_notes(cuts: Sequence[MeasuredCut], model: CutModel, found: dict[str, float]) -> list[str]:
-    """Return notes on cuts of which a tissue was made, and on what was found from them."""
+    """Return notes on a calibration's cuts and findings."""
     notes: list[str] = []
     silent = sum(not len(cut.moduli) for cut in cuts)
     if silent:
@@ -116,7 +116,7 @@ def calibration_notes(cuts: Sequence[MeasuredCut], model: CutModel, found: dict[
 
 
 def _how_far_off(evidence: Sequence[Evidence], found: dict[str, float], cuts: int, specimens: int) -> list[str]:
-    """Return a note on how far the means of so few cuts may be off, and how many make them better; by the intervals.
+    """Return a note on the means' uncertainty and cuts needed.
 
     Those of one specimen tell nothing of others: there pig liver's spread between specimens stands in.
     """
@@ -144,7 +144,7 @@ def _how_far_off(evidence: Sequence[Evidence], found: dict[str, float], cuts: in
 
 
 def _extrapolated(cuts: Sequence[MeasuredCut]) -> list[str]:
-    """Return notes on an angle whose line is extrapolated, as it was cut over a shorter range of speeds."""
+    """Return notes on angles whose speed range is extrapolated."""
     known = [cut for cut in cuts if len(cut.moduli)]
     slowest, fastest = (100.0 * end([cut.speed for cut in known]) for end in (min, max))
     notes = []
@@ -237,7 +237,7 @@ def calibrate(
 def measure_cuts(
     traces: Sequence[Trace], model: CutModel, *, progress: ProgressBar[Any] | None = None
 ) -> tuple[list[MeasuredCut], list[RefusedRecord]]:
-    """Measure every record with the loading ratio that is fitted to all of them together.
+    """Measure every record with the loading ratio fitted to all.
 
     The loading ratio gives the distance of the tip behind the blade; it starts as pig liver's and is replaced by the
     fit to the cuts themselves.
@@ -275,7 +275,7 @@ def measure_cuts(
 
 
 def _why_no_resistance(cut: MeasuredCut) -> str:
-    """Return the reason why a cut shows no resistance, which would spoil the mean of the others; empty for a cut."""
+    """Return why a cut shows no resistance, or ""."""
     assert cut.trace.position is not None, "the resistance is measured by it"
     if flags := hardly_ran(cut.fracture.cut_length, float(np.ptp(cut.trace.position))):
         return f"{flags[0]}. Cut 5 cm or farther, at an angle or speed at which the blade gets in"
@@ -291,7 +291,7 @@ def _none_measured(refused: Sequence[RefusedRecord]) -> str:
 
 
 def loading_ratio_of_cuts(cuts: Sequence[MeasuredCut], model: CutModel) -> LoadingRatio:
-    """Return the loading ratio fitted to cuts: rate of rise of the force while cutting over that without growth.
+    """Fit the loading ratio: force rise over that without growth.
 
     A cut with a way back shows both: its segments the one, its unloading the other. Their ratio does not depend on the
     stiffness of that cut's tissue; without it the intercept of the fit stands for the modulus without growth.
@@ -390,7 +390,7 @@ def tissue_of(
 
 
 def _check_intercepts(found: Mapping[str, float], pool: PooledCuts) -> None:
-    """Raise ValueError if the modulus falls below zero towards standstill: the cuts do not tell how it falls."""
+    """Raise ValueError if the modulus extrapolates below zero at standstill."""
     for angle in (90, 45):
         modulus = found[f"intercept_{angle}"]
         if modulus <= 0.0:
@@ -405,7 +405,7 @@ def _check_intercepts(found: Mapping[str, float], pool: PooledCuts) -> None:
 def with_findings(
     tissue: TissueDescription, refused: Sequence[RefusedRecord], layers: LayerFit | None = None
 ) -> TissueDescription:
-    """Return a calibrated tissue with the layers that were found, and with notes on the records that were left out."""
+    """Return a tissue with layers found and omitted records noted."""
     facts = tissue.calibration
     assert facts is not None, "made by tissue_of"
     left_out = [f"left out: {each.name}: {each.reason}" for each in refused]
@@ -418,12 +418,12 @@ def with_findings(
 
 
 def check_resamples(resamples: int) -> None:
-    """Raise for an invalid number of resamples, before any work."""
+    """Raise early for an invalid number of resamples."""
     in_range("resamples", resamples, 0, 100_000, "1", "Some hundreds give an interval.")
 
 
 def as_material(tissue: TissueDescription) -> TissueDescription:
-    """Find the material whose sampled specimens show the modulus and the spread that ``tissue`` has from its cuts.
+    """Find the material whose specimens show a tissue's modulus and spread.
 
     The stiffness of a slab averages the field of moduli around the tip, so that segments show less of its spread than
     the material has. Specimens are evaluated at positions as far apart as segments are, without a cut: a segment's
@@ -465,14 +465,14 @@ def as_material(tissue: TissueDescription) -> TissueDescription:
 
 
 def _scaled(evidence: Evidence, factor: float) -> Evidence:
-    """Return the evidence for a number that is ``factor`` times as large."""
+    """Return the evidence for a number scaled by ``factor``."""
     if evidence.low is None or evidence.high is None:
         return evidence
     return dataclasses.replace(evidence, low=factor * evidence.low, high=factor * evidence.high)
 
 
 def _possible(field: str) -> tuple[float, float]:
-    """Return the range that an interval of a field does not leave: a line fitted to few cuts may, its tissue cannot."""
+    """Return the possible range of a field's interval."""
     if field.startswith("slope"):
         return -math.inf, math.inf
     return 0.0, 1.0 if field in ("friction_share", "eta90") else math.inf
@@ -526,12 +526,12 @@ _WHY_NOT = {
 
 
 def _rounded(value: float) -> float:
-    """Round to six digits: more than any measurement has, and the file stays readable."""
+    """Round to six digits, beyond any measurement's precision."""
     return float(f"{value:.6g}")
 
 
 def _as_liver(speed: float, angle: float | None) -> float:
-    """Return pig liver's loading ratio as a start; an angle just beyond the measured ones counts as the nearest."""
+    """Return pig liver's loading ratio, at the nearest measured angle."""
     theta = math.pi / 2 if angle is None else min(max(angle, math.pi / 4), math.pi / 2)
     return liver_loading_ratio(speed, theta)
 

@@ -1,4 +1,4 @@
-"""Desired and actual speed of a cut at constant speed, with which a rig's controller is shown to work (thesis 3.3.1).
+"""Actual and desired speed at constant speed (thesis, section 3.3.1).
 
 The thesis monitored the blade's actual speed while it cut, Figure 3.2, and took its agreement with the desired one as
 evidence that the machine, far stiffer than tissue, does not yield to the force.
@@ -22,7 +22,7 @@ _NAME = "speed_tracking"
 
 @dataclass(frozen=True, kw_only=True)
 class SpeedTracking:
-    """Actual speed of a cut beside the desired, constant one; SI.
+    """Actual and desired speed of a constant-speed cut, in SI.
 
     The steady part lasts from the first reading of :data:`STEADY_FROM` times the desired speed to the last; what
     happens between them, however slow, counts.
@@ -68,7 +68,7 @@ class SpeedTracking:
 
 
 def speed_tracking(trace: Trace, speed: float) -> SpeedTracking:
-    """Compare the actual speed of a cut at constant speed with the desired one.
+    """Compare a constant-speed cut's actual speed with the desired one.
 
     Parameters
     ----------

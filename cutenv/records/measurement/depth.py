@@ -1,4 +1,4 @@
-"""Depth of cut over position, along the line, its integral, and the stiffness of a cut of that depth at its tip."""
+"""Depth of cut by position, its integral, and tip stiffness."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _STRAIGHT = 1e-9  # change of the slope that is rounding
 
 
 def depth_sd(trace: Trace) -> float | None:
-    """Return the standard deviation of a record's depth of cut [m]; None if the record does not give it.
+    """Return the depth's standard deviation in a record [m], or None.
 
     Raises
     ------
@@ -44,7 +44,10 @@ def depth_sd(trace: Trace) -> float | None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DepthProfile:
-    """Depth of cut B [m] at increasing positions [m], both of shape (n,); linear between, constant beyond."""
+    """Depth of cut B [m] over position [m], piecewise linear.
+
+    Both have shape (n,); the depth is constant beyond the ends.
+    """
 
     position: Array
     depth: Array
@@ -56,7 +59,7 @@ class DepthProfile:
 
     @classmethod
     def recorded(cls, trace: Trace, *, by: str) -> DepthProfile:
-        """Return the depth that the blade met where it first passed.
+        """Return the depth where the blade first passed.
 
         Raises
         ------
@@ -79,7 +82,7 @@ class DepthProfile:
 
 
 def wanted_depth(points: object, *, name: str = WANTED_DEPTH_KEY) -> DepthProfile:
-    """Return the depth that is wanted along a cut from pairs [position, depth] [m].
+    """Return a wanted depth profile from pairs [position, depth] [m].
 
     Parameters
     ----------
@@ -108,16 +111,17 @@ def wanted_depth(points: object, *, name: str = WANTED_DEPTH_KEY) -> DepthProfil
 
 
 def corners(position: Array, depth: Array) -> list[list[float]]:
-    """Return the pairs [position, depth] [m] between which a depth given at many positions is linear."""
+    """Return the pairs [position, depth] [m] where a depth profile bends."""
     slope = np.diff(depth) / np.diff(position)
     bent = np.abs(np.diff(slope)) > _STRAIGHT
     return [[float(position[i]), float(depth[i])] for i in (0, *(np.flatnonzero(bent) + 1), len(position) - 1)]
 
 
 def with_blade_depth(trace: Trace) -> Trace:
-    """Return a record whose depth is that of the blade, whatever its height; one without height as it is.
+    """Return a record with the blade's depth at its height.
 
-    A rig records the depth that a blade at height 0 would cut, as measured beforehand, and the height beside it.
+    A record without height is returned as it is. A rig records the depth that a blade at height 0 would cut, as
+    measured beforehand, and the height beside it.
     """
     if trace.height is None or trace.depth is None:
         return trace
@@ -125,9 +129,10 @@ def with_blade_depth(trace: Trace) -> Trace:
 
 
 def fit_bulge(profiles: Sequence[DepthProfile], first: Sequence[float]) -> dict[str, float]:
-    """Fit edge, crown and rise of the bulge to depth profiles; and their mean depth beyond ``first`` positions [m].
+    """Fit a bulge's edge, crown, rise, and mean depth [m].
 
-    As for pig liver, the mean is over the range where segments are measured, not over the thin edge.
+    The mean is beyond ``first`` positions. As for pig liver, the mean is over the range where segments are measured,
+    not over the thin edge.
     """
     x = np.concatenate([profile.position for profile in profiles])
     B = np.concatenate([profile.depth for profile in profiles])
@@ -155,7 +160,7 @@ def fit_bulge(profiles: Sequence[DepthProfile], first: Sequence[float]) -> dict[
 
 
 def unit_stiffness(tip: float | Array, depth: DepthProfile, model: CutModel) -> Array:
-    """Return K over the modulus of the material [m], for tip positions [m]; of their shape."""
+    """Return K over the material modulus [m] at tips [m]."""
     a = np.clip(tip, 0.0, model.length)
     return np.asarray(model.stiffness(a) * effective_depth(a, depth.at(tip)))
 
@@ -163,7 +168,7 @@ def unit_stiffness(tip: float | Array, depth: DepthProfile, model: CutModel) -> 
 def stiffness_ratio(
     known: float | Array, wanted: float | Array, depth: DepthProfile, model: CutModel | None = None
 ) -> Array:
-    """Return K at the tip ``wanted`` over K at the tip ``known`` [1], of their shape.
+    """Return K at ``wanted`` over K at ``known`` tips [1].
 
     Parameters
     ----------

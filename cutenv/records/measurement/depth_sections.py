@@ -1,4 +1,4 @@
-"""Sections of a cut with depth: the work of both directions and the area that is opened, from unloading to unloading.
+"""Sections of a cut with depth between unloadings: work and area.
 
 A blade that has cut goes back past the tip, until only friction is left; all elastic energy is then given back, and the
 force tells where the tip is.  Between two such returns
@@ -78,13 +78,13 @@ class DepthSection:
     friction_per_depth: float
 
     def area(self, top: float = 0.0, bottom: float = _ENDLESS) -> float:
-        """Return the area [m2] that the section opens between two depths below the surface [m]."""
+        """Return the area opened between two depths below the surface [m2]."""
         deeper = np.clip(self.floor_after, top, bottom) - np.clip(self.floor_before, top, bottom)
         return float(self.width @ deeper)
 
     @property
     def width(self) -> Array:
-        """Length of the cut that each point of the grid stands for, up to the tip [m], shape (301,)."""
+        """Cut length per grid point up to the tip [m], (301,)."""
         places = np.arange(N_POINTS, dtype=np.float64) * SPACING
         width = np.clip(self.tip - (places - 0.5 * SPACING), 0.0, SPACING)
         width[0] = min(0.5 * SPACING, self.tip)
@@ -97,7 +97,7 @@ class DepthSection:
 
     @property
     def resistance(self) -> float:
-        """Fracture resistance R of the section [J/m2], friction's share included."""
+        """Fracture resistance R of the section, friction included [J/m2]."""
         return self.fracture_energy / self.area() + self.friction_per_depth
 
 
@@ -108,7 +108,7 @@ def depth_sections(
     layers: Layers | None = None,
     reasons: list[str] | None = None,
 ) -> list[DepthSection]:
-    """Divide a record with height into sections between unloadings, and measure each.
+    """Divide a record with height into sections between unloadings.
 
     Parameters
     ----------
@@ -185,7 +185,7 @@ def depth_sections(
 
 
 def opened_resistance(sections: Sequence[DepthSection]) -> dict[str, float]:
-    """Return the fracture resistance of a record's sections together [J/m2], by what counts as work.
+    """Return the sections' joint fracture resistance [J/m2], by kind of work.
 
     Returns
     -------
@@ -217,7 +217,7 @@ def opened_resistance(sections: Sequence[DepthSection]) -> dict[str, float]:
 
 
 def _ways_back(trace: Trace, surface: DepthProfile, said: list[str]) -> list[_WayBack]:
-    """Return the readings at which each way back past the tip begins and ends, and what it shows."""
+    """Return begin, end and findings of each retreat past the tip."""
     position, height = trace.require("position", "height", by="depth_sections")
     found, furthest = [], -math.inf
     moved = strokes(trace)
@@ -250,7 +250,7 @@ def _ways_back(trace: Trace, surface: DepthProfile, said: list[str]) -> list[_Wa
 def _floors(
     tissue: TissueDescription, layers: Layers | None, surface: DepthProfile, trace: Trace, ends: list[_WayBack]
 ) -> tuple[list[Array], Array]:
-    """Return the floor at the end of each section, shape (301,) [m], and the level engaged at each reading [m]."""
+    """Return floors by section (301,) [m], and levels by reading [m]."""
     position, height = trace.require("position", "height", by="depth_sections")
     known = surface.at(np.arange(N_POINTS, dtype=np.float64) * SPACING)
     instants = np.arange(float(trace.time[0]), float(trace.time[-1]), FLOOR_EVERY)
@@ -276,7 +276,7 @@ class _Slab:
     surface: DepthProfile
 
     def depth(self, place: Array, level: Array | float) -> Array:
-        """Return the depth of a blade at a level [m], within the slab [m]."""
+        """Return the blade's depth within the slab at a level [m]."""
         return np.clip(self.surface.at(place) - level, MEASURABLE_DEPTH, self.tissue.thickness)
 
     def stiffness(self, tip: Array, level: Array | float) -> Array:
@@ -290,7 +290,7 @@ class _Slab:
 
 
 def _tips(slab: _Slab, trace: Trace, ends: list[_WayBack], instants: Array, levels: Array) -> Array:
-    """Return the tip at instants [s] of a blade at ``levels`` [m], shape (n,) [m].
+    """Return tips [m] at instants [s] and ``levels`` [m], shape (n,).
 
     It is behind the blade by the elastic force over K, of which the way back that follows gives the modulus, and never
     goes back.
@@ -315,7 +315,7 @@ def _tips(slab: _Slab, trace: Trace, ends: list[_WayBack], instants: Array, leve
 
 
 def _travelled(trace: Trace, position: Array) -> Array:
-    """Return the way along the cut at each reading since the one before [m]; noise of a standing blade is no way."""
+    """Return the way between readings [m], without noise at standstill."""
     way = np.zeros(len(position))
     for stroke in strokes(trace):
         step = np.diff(position[stroke.start : stroke.stop])
@@ -324,6 +324,6 @@ def _travelled(trace: Trace, position: Array) -> Array:
 
 
 def _cumulated(values: Array, steps: Array) -> Array:
-    """Return the integral of ``values`` over ``steps`` up to each reading, by trapezoids, shape (n,)."""
+    """Return the cumulative trapezoidal integral over ``steps``, shape (n,)."""
     mean = 0.5 * (values + np.concatenate(([values[0]], values[:-1])))
     return np.asarray(np.cumsum(mean * steps))

@@ -1,4 +1,4 @@
-"""Fracture resistance of a cut: the work per area cut (thesis, chapter 6)."""
+"""Fracture resistance: work per area cut (thesis, chapter 6)."""
 
 from __future__ import annotations
 
@@ -81,13 +81,14 @@ def estimate_fracture_resistance(
     friction_share: float = FRICTION_SHARE,
     loading_ratio: float | LoadingRatio | None = None,
 ) -> FractureEstimate:
-    """Find the fracture resistance R of a cut from the work of the blade, after subtracting the sensor's zero.
+    """Find a cut's fracture resistance R from the blade's work.
 
-    With a return stroke past the tip, the loop is closed: all elastic energy is given back, and the tip is where the
-    force has become plain friction f on the way back. Then R = (W - 2 f x)/(B a) + f/B, or, for a varying depth,
-    R = (W - phi * integral of B |dx|) / (integral of B from 0 to a) + phi with phi = f/B, after any number of
-    earlier strokes. Without a return stroke the stored energy F_elastic^2/(2 K) and the lag F_elastic/K are
-    estimated from the final force and the stiffness K = slope / r of the last loading segment, with a flag.
+    The sensor's zero is subtracted. With a return stroke past the tip, the loop is closed: all elastic energy is given
+    back, and the tip is where the force has become plain friction f on the way back. Then R = (W - 2 f x)/(B a) + f/B,
+    or, for a varying depth, R = (W - phi * integral of B |dx|) / (integral of B from 0 to a) + phi with phi = f/B,
+    after any number of earlier strokes. Without a return stroke the stored energy F_elastic^2/(2 K) and the lag
+    F_elastic/K are estimated from the final force and the stiffness K = slope / r of the last loading segment, with a
+    flag.
 
     Parameters
     ----------
@@ -196,7 +197,7 @@ def estimate_fracture_resistance(
 
 
 def hardly_ran(length: float, travel: float) -> list[str]:
-    """Return a flag for a cut of a length [m] that is next to nothing of the blade's travel [m]."""
+    """Return a flag for cuts much shorter than the travel [m]."""
     if length >= LEAST_RUN:
         return []
     return [
@@ -206,7 +207,7 @@ def hardly_ran(length: float, travel: float) -> list[str]:
 
 
 def _check_speed(trace: Trace, position: Array, travel: float) -> None:
-    """Raise for a cut so slow that it counts as standing, whose friction would be overlooked."""
+    """Raise for a cut too slow to count as motion."""
     advance = sum(position[s.stop - 1] - position[s.start] for s in strokes(trace) if s.forward)
     if advance < (1.0 - _SLOW_SHARE) * travel:
         raise ValueError(
@@ -216,19 +217,22 @@ def _check_speed(trace: Trace, position: Array, travel: float) -> None:
 
 
 def _work_per_depth(trace: Trace, position: Array, depth: DepthProfile) -> float:
-    """Return W* [J/m]: integral of F/B dU (equation 6.2) over ground that the blade had not reached before."""
+    """Return W* over new ground [J/m], the integral of F/B dU.
+
+    See equation 6.2.
+    """
     reached = np.maximum.accumulate(position)
     F_per_B = trace.force / np.maximum(depth.at(position), MEASURABLE_DEPTH)
     return float(trapezoid(F_per_B, reached))
 
 
 def _work(trace: Trace, position: Array, stop: int) -> float:
-    """Return the work of the blade over the first ``stop`` readings, to and fro [J]."""
+    """Return the blade's work over the first ``stop`` readings [J]."""
     return float(trapezoid(trace.force[:stop], position[:stop]))
 
 
 def _rubbed_area(trace: Trace, position: Array, depth: DepthProfile, stop: int) -> float:
-    """Return the integral of B |dx| over the strokes of the first ``stop`` readings [m2]."""
+    """Return the integral of B |dx| up to reading ``stop`` [m2]."""
     moved = strokes(trace)
     return sum(abs(depth.area(*_ends(position, stroke))) for stroke in moved if stroke.stop <= stop)
 
@@ -239,14 +243,17 @@ def _ends(position: Array, stroke: Stroke) -> tuple[float, float]:
 
 
 def _closed_loop(trace: Trace, position: Array, depth: DepthProfile, way_back: ReturnStroke, phi: float) -> float:
-    """Return R = (W - phi int B |dx|) / int_0^a B da + phi; nothing is stored where the stroke ends."""
+    """Return R of a closed loop, with no energy stored.
+
+    R = (W - phi int B |dx|) / int_0^a B da + phi.
+    """
     W = _work(trace, position, way_back.stop)
     rubbed = phi * _rubbed_area(trace, position, depth, way_back.stop)
     return (W - rubbed) / depth.area(float(position[0]), way_back.tip) + phi
 
 
 def _ramp_stiffness(ramp: Segment, r: float, position: Array, depth: DepthProfile) -> _Stiffness:
-    """Return K as a function of the tip: the ramp's slope less friction's share, scaled from the ramp's own tip."""
+    """Return K by tip from a ramp's slope, less friction's share."""
     x, slope = ramp.require("position", "slope", by="estimate_fracture_resistance")
     first, last = (float(position[i]) for i in (ramp.start, ramp.stop - 1))
     rise_of_depth = float(depth.at(last) - depth.at(first)) / (last - first)
@@ -260,7 +267,7 @@ def _ramp_stiffness(ramp: Segment, r: float, position: Array, depth: DepthProfil
 
 
 def _mean_liver_stiffness(depth: DepthProfile, farthest: float) -> _Stiffness:
-    """Return K [N/m] as a function of the tip, in the thesis's slab of mean pig liver."""
+    """Return K by tip [N/m], for the thesis's mean liver slab."""
     model = CutModel()
     in_range("position", farthest, 0.0, model.length, "m", "In a longer specimen record a return stroke.")
 
@@ -309,10 +316,10 @@ def _open_loop(
 
 
 def _loaded_tip(x: float, F: float, stiffness: Callable[[float | Array], Array], places: Array) -> float:
-    """Find the tip nearest to a blade at ``x`` with K (x - a) = F [N]; if there is none, x - F/K with K at the blade.
+    """Find the tip with K (x - a) = F nearest the blade.
 
-    ``places`` [m] run back from the blade. In tissue that gets softer that way, the estimated K may nowhere carry the
-    force.
+    If there is none, it is x - F/K with K at the blade. ``places`` [m] run back from the blade. In tissue that gets
+    softer that way, the estimated K may nowhere carry the force.
     """
     missing = (x - places) * stiffness(places) - F
     if F <= 0.0:
@@ -324,7 +331,7 @@ def _loaded_tip(x: float, F: float, stiffness: Callable[[float | Array], Array],
 
 
 def _root(function: Callable[[float], float], high: float) -> float:
-    """Return the zero of ``function`` between 0 and ``high``, or the end nearer to one."""
+    """Return the zero of ``function`` up to ``high``, or nearest end."""
     if high <= 0.0 or function(0.0) <= 0.0:
         return 0.0
     if function(high) >= 0.0:

@@ -1,4 +1,4 @@
-"""Initiation: excess of the force that starts a crack run over the fracture resistance.
+"""Initiation: excess of crack-starting force over the fracture resistance.
 
 A blade loads the tissue up to a hilltop of the force, F = (1 + eta) R B, where the crack runs.  From one hilltop to
 the next the energy balance (thesis, 6.1 to 6.4) gives R of just that piece of tissue: work less friction less the
@@ -33,7 +33,7 @@ _STEPS = 3  # fixed-point iterations for the tip at a hilltop
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class InitiationEstimate:
-    """Initiation forces of one cut: hilltops, and the units between successive ones where both are known.
+    """Initiation forces of one cut: hilltops and units between them.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class InitiationEstimate:
 
 
 class Hilltop(NamedTuple):
-    """End of a loading ramp: everything that does not depend on the loading ratio."""
+    """End of a loading ramp, independent of the loading ratio."""
 
     speed: float  # of the blade [m/s]
     angle: float | None  # [rad]
@@ -79,7 +79,7 @@ def estimate_initiation(
     friction_per_depth: float | None = None,
     loading_ratio: float | LoadingRatio | None = None,
 ) -> InitiationEstimate:
-    """Find the forces that start crack runs, and the energies of the units between them.
+    """Find forces that start crack runs, and energies of units between.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def estimate_initiation(
 
 
 def initiation_excess(estimates: Iterable[InitiationEstimate]) -> float:
-    """Return eta90 of eta = eta90 sin(theta)^2, from all units of some cuts together.
+    """Return eta90 of eta = eta90 sin(theta)^2 from cuts' units.
 
     Sums are taken before the ratio, so that short units, whose energy is less certain, have less weight.
 
@@ -135,7 +135,7 @@ def initiation_excess(estimates: Iterable[InitiationEstimate]) -> float:
 
 
 def hilltops(elastic: Trace, ramps: list[Segment]) -> list[Hilltop | None]:
-    """Return the end of each of ``ramps`` in a record of elastic force; None where the slope is not usable."""
+    """Return each ramp's end in elastic force, None if unusable."""
     (position,) = elastic.require("position", by="hilltops")
     F = elastic.force
     work = np.concatenate(([0.0], np.cumsum(0.5 * (F[1:] + F[:-1]) * np.diff(position))))
@@ -174,7 +174,7 @@ def hilltops(elastic: Trace, ramps: list[Segment]) -> list[Hilltop | None]:
 
 
 def _run_after(ramp: Segment, force: Array, line: Array) -> int:
-    """Return the first reading after the crack run that ends ``ramp``: half a drop below the ramp's line.
+    """Return the first reading after the crack run ending ``ramp``.
 
     A ramp leaves out its last bin, and the next contains the drop: the crack runs up to two bins after its end.  Force
     and line [N] are those of the readings after the ramp.
@@ -186,7 +186,7 @@ def _run_after(ramp: Segment, force: Array, line: Array) -> int:
 def initiation_at(
     tops: list[Hilltop | None], depth: DepthProfile, model: CutModel, ratio: LoadingRatio
 ) -> InitiationEstimate:
-    """Return tips, forces and energies at hilltops, for a loading ratio."""
+    """Return hilltops' tips, forces and energies for a loading ratio."""
     points: list[tuple[float, float, float, Hilltop] | None] = [None] * len(tops)
     found = [(i, top) for i, top in enumerate(tops) if top is not None]
     r = np.array([ratio(top.speed, top.angle) for _, top in found])

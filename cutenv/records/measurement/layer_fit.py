@@ -1,4 +1,4 @@
-"""Layers over the depth, from cuts in steps of depth: toughness and modulus relative to the tissue, with errors.
+"""Fit of layers over depth: relative toughness and modulus.
 
 Each section of a cut gives two numbers (:mod:`cutenv.records.measurement.depth_sections`): its fracture energy,
 
@@ -76,7 +76,7 @@ class LayerFit:
 
     @property
     def found(self) -> tuple[str, ...]:
-        """Names of the fields of the layers that were found."""
+        """Names of the layers' fields that were found."""
         return tuple(self.errors)
 
 
@@ -134,7 +134,7 @@ def fit_layers(
     boundary: float | None = None,
     capsule_thickness: float | None = None,
 ) -> LayerFit:
-    """Find layers from the sections of cuts in steps of depth.
+    """Find layers from sections of cuts in depth steps.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ def fit_layers(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Solved:
-    """Least-squares solution: values of the free numbers, logarithms but of the boundary, and their covariance."""
+    """Least-squares solution with covariance, in logarithms but for the boundary."""
 
     names: list[str]
     values: Array
@@ -199,7 +199,7 @@ class _Solved:
         return math.sqrt(float(self.covariance[i, i]))
 
     def interval(self, name: str) -> tuple[float, float, float]:
-        """Return value, and ends of the 95 % interval, of a number itself."""
+        """Return a number's value and 95 % interval ends."""
         value, half = float(self.values[self.names.index(name)]), self.error(name)
         half *= float(stdtrit(max(self.dof, 1), 0.975))
         if name == "boundary":
@@ -214,7 +214,7 @@ class _Solved:
 def _identifiable(
     known: _Sections, boundary: float | None, capsule_thickness: float | None, why: dict[str, str]
 ) -> list[str]:
-    """Return the names of the numbers to find; ``why`` gets the reasons for the others."""
+    """Return names of numbers to find; ``why`` explains the others."""
     free: list[str] = []
     deepest = 1e3 * float(known.deepest.max())
     if capsule_thickness is None:
@@ -250,7 +250,7 @@ def _identifiable(
 def _searched(
     known: _Sections, free: list[str], fixed: dict[str, float], why: dict[str, str]
 ) -> tuple[list[str], float]:
-    """Search the depth of the layer below; return the free numbers and the depth [m], or those without it."""
+    """Search the layer's depth; return free numbers and depth [m]."""
     others = [name for name in free if name != "boundary"]
     depths = np.concatenate([[each.depth for each in known.sections], known.deepest])
     places = np.arange(float(depths.min()) + _MARGIN, float(depths.max()) - _MARGIN, _STEP)
@@ -274,7 +274,7 @@ def _searched(
 
 
 def _solved(known: _Sections, names: list[str], fixed: dict[str, float]) -> _Solved:
-    """Fit the named numbers; energies and stiffnesses are weighed by their own scatter."""
+    """Fit the named numbers, weighting energies and stiffnesses by scatter."""
     start = [fixed["boundary"] if name == "boundary" else 0.0 for name in names]
     reach = (float(known.depth.min()), float(known.deepest.max()))
     low = [reach[0] if name == "boundary" else -_RANGE for name in names]
@@ -322,7 +322,7 @@ def _solved(known: _Sections, names: list[str], fixed: dict[str, float]) -> _Sol
 
 
 def _squares(known: _Sections, solved: _Solved, weights: Array) -> float:
-    """Return the sum of squares that a solution leaves, in units of these weights."""
+    """Return a solution's weighted sum of squares."""
     energy = known.within(known.log_energy() - np.log(_tough_area(known, solved.layers)))
     stiffness = known.within(known.log_stiffness() - np.log(_layered(known, solved.layers)))
     return float(weights[0] ** 2 * energy @ energy + weights[1] ** 2 * stiffness @ stiffness)
@@ -337,14 +337,14 @@ def _layers_of(names: list[str], values: Array, fixed: dict[str, float]) -> Any:
 
 
 def _tough_area(known: _Sections, layers: Any) -> Array:
-    """Return the area that each section opens, each layer times its toughness [m2]."""
+    """Return each section's area weighted by layer toughness [m2]."""
     area = known.areas(0.0, 1.0)
     area = area + (layers.capsule_toughness - 1.0) * known.areas(0.0, layers.capsule_thickness)
     return np.asarray(area + (layers.deep_toughness - 1.0) * known.areas(layers.boundary, 1.0))
 
 
 def _layered(known: _Sections, layers: Any) -> Array:
-    """Return the effective depth at the end of each section [m]."""
+    """Return each section's effective depth at its end [m]."""
     pairs = zip(known.depth.tolist(), known.effective.tolist(), strict=True)
     return np.array([layered_depth(layers, depth, effective) for depth, effective in pairs])
 

@@ -1,4 +1,4 @@
-"""Loading ratio: rate of rise of the force while a blade cuts as it loads, over that without crack growth."""
+"""Loading ratio: force rise while cutting over that without growth."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def loading_ratio(speed: float, angle: float | None) -> float:
 
 
 def loading_ratio_of(given: float | LoadingRatio | None, *, low: float = 0.0) -> LoadingRatio:
-    """Return the ratio as a function: pig liver's for None, a constant for a number from ``low`` to 1."""
+    """Return the ratio as function: pig liver's (None) or constant."""
     if given is None:
         return loading_ratio
     if callable(given):

@@ -1,4 +1,4 @@
-"""All measurements of one record about its tissue, ready to be combined with others; and cuts in steps of depth."""
+"""Tissue measurements of one record, and cuts in depth steps."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ class MeasuredCut:
         return tuple(dict.fromkeys((*self.fracture.flags, *self.moduli.flags)))
 
     def unloading_modulus(self, model: CutModel) -> float | None:
-        """Return the material's modulus at the tip from the elastic way back [Pa], without growth; else None."""
+        """Return the tip modulus from elastic unloading [Pa], or None."""
         back = self.return_stroke
         if self.unloaded is not None:
             return self.unloaded
@@ -99,7 +99,7 @@ class MeasuredCut:
 
     @property
     def material_moduli(self) -> Array:
-        """Modulus of the material times the loading ratio, from each segment [Pa], shape (n_segments,).
+        """Material modulus times loading ratio by segment [Pa], shape (n_segments,).
 
         A local effective modulus is per depth of cut; in a slab that is not cut through it is higher.
         """
@@ -194,7 +194,7 @@ def measure_cut(
 
 
 def by_specimen(cuts: list[MeasuredCut]) -> dict[str, list[MeasuredCut]]:
-    """Return the cuts of each piece of tissue, in order of first appearance."""
+    """Return cuts by piece of tissue, in first appearance order."""
     groups: dict[str, list[MeasuredCut]] = {}
     for cut in cuts:
         groups.setdefault(cut.specimen, []).append(cut)
@@ -202,7 +202,7 @@ def by_specimen(cuts: list[MeasuredCut]) -> dict[str, list[MeasuredCut]]:
 
 
 def named(traces: list[Trace]) -> list[tuple[str, Trace]]:
-    """Return traces with unique names: from their metadata, or their number."""
+    """Return traces with unique names, from metadata or number."""
     names = [str(trace.metadata.get("name") or f"trace {i}") for i, trace in enumerate(traces)]
     times = Counter(names)
     used = {name for name in names if times[name] == 1}
@@ -224,7 +224,7 @@ def _speed(trace: Trace) -> float:
 
 
 def _at_one_depth(ramp: Segment, trace: Trace, depth: DepthProfile) -> bool:
-    """Return True if the depth hardly changes from the tip, as far back as it may be, to the end of a ramp."""
+    """Return True if depth is nearly constant over a ramp."""
     position, _ = trace.require("position", "depth", by="measure_cut")
     x = position[ramp.samples]
     behind = np.linspace(max(float(x.min()) - _FARTHEST_TIP, float(position[0])), float(x.max()), 50)
@@ -232,7 +232,7 @@ def _at_one_depth(ramp: Segment, trace: Trace, depth: DepthProfile) -> bool:
 
 
 def _thinned(depth: DepthProfile) -> DepthProfile:
-    """Return the same profile at fewer positions: it is looked up often, and smooth."""
+    """Return the profile at fewer positions, for quick lookup."""
     first, last = float(depth.position[0]), float(depth.position[-1])
     places = np.linspace(first, last, max(2, round((last - first) / _DEPTH_EVERY) + 1))
     return DepthProfile(position=places, depth=depth.at(places))
@@ -249,7 +249,7 @@ def find_layers(
     boundary: float | None = None,
     capsule_thickness: float | None = None,
 ) -> tuple[LayerFit, list[list[DepthSection]]]:
-    """Find layers from records of cuts in steps of depth; also return the sections of each.
+    """Find layers from cuts in depth steps, and sections of each.
 
     Layers and the floor of the cut under the blade, which yields less in a tougher layer, are found in turn.
 
@@ -278,7 +278,7 @@ def find_layers(
 
 
 def _like(tissue: TissueDescription, resistance: float, modulus: float) -> TissueDescription:
-    """Return the tissue with the fracture part of another resistance [J/m2], and another modulus [Pa]."""
+    """Return the tissue with another resistance [J/m2] and modulus [Pa]."""
     whole = float(resistance) / (1.0 - tissue.friction_share)
     return dataclasses.replace(tissue, fracture_resistance=whole, modulus=float(modulus))
 
@@ -291,7 +291,7 @@ def in_layers(
     boundary: float | None = None,
     capsule_thickness: float | None = None,
 ) -> tuple[list[MeasuredCut], LayerFit | None]:
-    """Find the layers that records with height tell; return the cuts measured with these layers, and the fit.
+    """Find layers from records with height; return remeasured cuts and fit.
 
     Resistance and modulus of a cut in steps of depth are then those of the tissue between the layers.  The fit is None
     if no record has height, vertical force and a way back past the tip at one height.

@@ -1,4 +1,4 @@
-"""Local effective moduli of a cut: the modulus that reproduces each loading increment (sections 3.3.2, 3.4)."""
+"""Local effective moduli, which reproduce loading increments (sections 3.3.2, 3.4)."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _SOFTEST, _STIFFEST = 1e-3, 1e12  # [Pa], range in which a modulus is searched
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ModulusEstimate:
-    """Local effective moduli along a cut; arrays of shape (n_segments,).
+    """Local effective moduli along a cut, shape (n_segments,).
 
     Attributes
     ----------
@@ -57,17 +57,17 @@ class ModulusEstimate:
 
     @property
     def mean(self) -> float:
-        """Mean over the segments [Pa]; raises ValueError if there are none."""
+        """Mean over the segments [Pa]; raises ValueError without any."""
         return float(self._some().mean())
 
     @property
     def sd(self) -> float:
-        """Standard deviation over the segments, of the population, as in the thesis's tables [Pa]."""
+        """Population standard deviation over the segments [Pa]."""
         return float(self._some().std())
 
     @property
     def relative_error(self) -> Array:
-        """Standard error of each segment's slope over the slope, from the scatter about its line [1]."""
+        """Relative standard error of each segment's slope [1], by scatter."""
         return np.array([np.sqrt((1.0 / s.r_squared - 1.0) / (s.stop - s.start - 2)) for s in self.segments])
 
     def _some(self) -> Array:
@@ -86,7 +86,7 @@ def iterate_modulus(
     tolerance: float = 0.01,
     most_steps: int = 100,
 ) -> float:
-    """Find the modulus with which a model reproduces a measured rise of force, by the thesis's iteration.
+    """Find the modulus for a force rise by the thesis's iteration.
 
     A linear model needs one step; the iteration is for one whose force is not proportional to the modulus.
 
@@ -148,7 +148,7 @@ def estimate_local_effective_moduli(
     smallest_drop: float | None = None,
     smoothing_readings: int | None = None,
 ) -> ModulusEstimate:
-    """Find the local effective modulus of every loading segment of a cut.
+    """Find the local effective modulus of every loading segment.
 
     The model is linear, so one step of the thesis's iteration gives the modulus exactly: slope / (kappa B). Both
     kappa and the depth B belong to the crack tip, which follows the blade at a distance of F_elastic/K; with
@@ -240,7 +240,7 @@ def estimate_local_effective_moduli(
 def _assumed_friction(
     trace: Trace, depth: DepthProfile, loading_ratio: float | LoadingRatio | None
 ) -> tuple[float, str]:
-    """Return friction per depth [N/m] as its assumed share of the resistance, and the flag for this assumption."""
+    """Return assumed friction per depth [N/m] and its flag."""
     (position,) = trace.require("position", by="_assumed_friction")
     if loading_ratio == 0.0:  # the blade counts as the tip: the resistance is found with liver's ratio
         loading_ratio = None
@@ -255,13 +255,13 @@ def _assumed_friction(
 
 
 def elastic_record(trace: Trace, depth: DepthProfile, friction_per_depth: float) -> Trace:
-    """Return the record with friction on the way forward subtracted from its force [N]."""
+    """Return the record less friction on the way forward [N]."""
     (position,) = trace.require("position", by="elastic_part")
     return dataclasses.replace(trace, force=trace.force - friction_per_depth * depth.at(position))
 
 
 def telling(ramps: list[Segment]) -> list[Segment]:
-    """Return the ramps whose slope is a property of the tissue: steady, and no more scattered than the others.
+    """Return the ramps whose slopes are tissue properties.
 
     Noise is the same all along a record. A ramp that scatters more than 1.3 times as much as they usually do hides a
     drop that was too small to be detected, or bends because depth changes along it: its slope can be half or twice the
@@ -277,14 +277,14 @@ def telling(ramps: list[Segment]) -> list[Segment]:
 
 
 def _scatter(ramp: Segment) -> float:
-    """Return the standard deviation about the fitted line [N], for readings evenly spread along it."""
+    """Return a line's residual standard deviation for even readings [N]."""
     return abs(ramp.force_rise) * math.sqrt((1.0 / ramp.r_squared - 1.0) / 12.0)
 
 
 def moduli_of(
     ramps: list[Segment], depth: DepthProfile, model: CutModel, ratio: LoadingRatio, *, friction_per_depth: float
 ) -> ModulusEstimate:
-    """Return the moduli of the steady ramps of elastic force, less ``friction_per_depth`` [N/m]."""
+    """Return moduli of steady elastic ramps, less ``friction_per_depth`` [N/m]."""
     segments, tips, moduli = [], [], []
     for s in telling(ramps):
         x, slope, speed = s.require("position", "slope", "speed", by="moduli_of")

@@ -1,4 +1,4 @@
-"""All cuts of a calibration together: a tissue's numbers for any bootstrap resample of them; scatter and variogram."""
+"""All cuts of a calibration together, for bootstrap, scatter and variogram."""
 
 from __future__ import annotations
 
@@ -26,10 +26,11 @@ CENTRES = 0.5 * (LAGS[1:] + LAGS[:-1])
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Variogram:
-    """Variogram: half the mean squared difference of a logarithm between two positions of one cut, over their distance.
+    """Variogram of a logarithm between positions of one cut.
 
-    Differences within a cut do not contain what the whole cut has in common, and do not depend on the length of the
-    cut relative to the correlation length, unlike a standard deviation within the cut.
+    It is half the mean squared difference, over the distance. Differences within a cut do not contain what the whole
+    cut has in common, and do not depend on the length of the cut relative to the correlation length, unlike a standard
+    deviation within the cut.
 
     Attributes
     ----------
@@ -46,7 +47,10 @@ class Variogram:
     def of(
         cls, positions: Sequence[Array], values: Sequence[Array], errors: Sequence[Array] | None = None
     ) -> Variogram:
-        """Compute it from ``values`` (positive) at ``positions`` [m] of each cut, less relative standard ``errors``."""
+        """Compute it from positive ``values`` at ``positions`` [m], less ``errors``.
+
+        ``errors`` are relative standard errors.
+        """
         errors = errors or [np.zeros(len(x)) for x in positions]
         squares, pairs = np.zeros((2, len(positions), len(CENTRES)))
         for n, (x, value, error) in enumerate(zip(positions, values, errors, strict=True)):
@@ -58,13 +62,16 @@ class Variogram:
         return cls(squares=squares, pairs=pairs)
 
     def mean(self, counts: Array) -> tuple[Array, Array]:
-        """Return the mean over cuts, each taken ``counts`` times, shape (n_lags,), 0 without pairs; and the pairs."""
+        """Return weighted means by lag, shape (n_lags,), and pairs.
+
+        Each cut is taken ``counts`` times; the mean is 0 without pairs.
+        """
         pairs = counts @ self.pairs
         return counts @ self.squares / np.maximum(pairs, 1.0), pairs
 
 
 def fit_variances(variograms: Sequence[Variogram], counts: Array, length: float) -> tuple[Array, float]:
-    """Fit each property's variance of the logarithm along a cut, for a given correlation length.
+    """Fit properties' log variances along cuts for a correlation length.
 
     gamma(d) = variance (1 - exp(-d^2 / (2 length^2))), as for sampled specimens; least squares, weighted with the
     number of pairs.
@@ -88,7 +95,7 @@ def fit_variances(variograms: Sequence[Variogram], counts: Array, length: float)
 
 
 def correlation_length(variograms: Sequence[Variogram], counts: Array) -> float:
-    """Return the correlation length [m] with which :func:`fit_variances` fits best."""
+    """Return the correlation length [m] for :func:`fit_variances`'s best fit."""
 
     def misfit(log_length: float) -> float:
         return fit_variances(variograms, counts, math.exp(log_length))[1]
@@ -100,12 +107,12 @@ def correlation_length(variograms: Sequence[Variogram], counts: Array) -> float:
 
 
 def cv_of(log_variance: float) -> float:
-    """Return the coefficient of variation of a lognormal number from the variance of its logarithm; 0 if negative."""
+    """Return a lognormal's coefficient of variation; 0 if negative."""
     return math.sqrt(math.expm1(max(log_variance, 0.0)))
 
 
 class Places:
-    """Positions along several cuts [m], prepared for the variance of a field's mean over them."""
+    """Positions along several cuts [m], for variances of field means."""
 
     def __init__(self, positions: Sequence[Array]) -> None:
         squares = [((x[:, None] - x[None, :]) ** 2).ravel() for x in positions]
@@ -114,18 +121,21 @@ class Places:
         self._pairs = np.array([max(len(each), 1) for each in squares])
 
     def mean_variances(self, variance: float, length: float) -> Array:
-        """Return the variance of the mean of a field over each cut's positions, shape (n_cuts,); 0 without any."""
+        """Return variances of a field's mean per cut, (n_cuts,).
+
+        A cut without positions has 0.
+        """
         correlation = np.exp(-0.5 * self._squares / length**2)
         return np.asarray(variance * np.bincount(self._cut, correlation, len(self._pairs)) / self._pairs)
 
 
 def mean_field_variance(positions: Array, variance: float, length: float) -> float:
-    """Return the variance of the mean of a field over ``positions`` [m] of one cut, part of that between cuts."""
+    """Return the variance of a field's mean over ``positions`` [m]."""
     return float(Places([positions]).mean_variances(variance, length)[0])
 
 
 def nested_variances(values: Array, groups: NDArray[np.intp], counts: Array) -> tuple[float, float]:
-    """Estimate variances between and within groups by one-way random-effects analysis, groups of any size.
+    """Estimate variances between and within groups by one-way random-effects analysis.
 
     Parameters
     ----------
@@ -195,7 +205,7 @@ NOT_RESAMPLED = ("speed_min", "speed_max", "edge_depth", "crown_depth", "rise_le
 
 
 class PooledCuts:
-    """Measured cuts as arrays, so that evaluating a resample is cheap.
+    """Measured cuts as arrays, for cheap resampling.
 
     Attributes
     ----------
@@ -243,7 +253,7 @@ class PooledCuts:
         self.measured = set(FIELDS) - ({"intercept_90", "slope_90", "intercept_45", "slope_45"} - free)
 
     def numbers(self, counts: Array) -> dict[str, float]:
-        """Estimate every number from the cuts, each taken ``counts`` times; NaN for one that they do not determine."""
+        """Estimate every number with cut weights ``counts``, NaN if undetermined."""
         taken = np.repeat(np.arange(len(self.cuts)), counts.astype(int))
         with_modulus = taken[self.has_modulus[taken]]
         line = self._line(with_modulus if len(with_modulus) else np.flatnonzero(self.has_modulus))
@@ -303,11 +313,11 @@ class PooledCuts:
         }
 
     def _tells(self, variogram: Variogram, variance: float) -> bool:
-        """Return True if there are pairs; in a single cut, noise alone may leave no spread."""
+        """Return True if pairs allow a spread beyond noise."""
         return bool(variogram.pairs.sum() >= 1.0) and (variance > 0.0 or len(self.cuts) > 1)
 
     def _added(self, places: Places, variance: float, length: float, counts: Array) -> float:
-        """Return the mean contribution of the field along the cuts to the variance of their means."""
+        """Return the fields' mean contribution to variance between cuts."""
         return float(counts @ places.mean_variances(variance, length)) / float(counts.sum())
 
     def _friction_share(self, counts: Array) -> float:
@@ -323,12 +333,15 @@ class PooledCuts:
 
 
 def resampled(rng: np.random.Generator, n: int) -> Array:
-    """Sample n cuts with replacement; return how often each is taken, shape (n,)."""
+    """Sample n cuts with replacement; return their counts, shape (n,)."""
     return np.bincount(rng.integers(n, size=n), minlength=n).astype(np.float64)
 
 
 def variance(values: Array, counts: Array) -> float:
-    """Return the unbiased variance of ``values``, each taken ``counts`` times; more than one is needed."""
+    """Return the unbiased variance of ``values``, weighted by ``counts``.
+
+    More than one value is needed.
+    """
     n = float(counts.sum())
     return float(counts @ (values - counts @ values / n) ** 2) / (n - 1.0)
 

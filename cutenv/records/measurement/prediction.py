@@ -1,4 +1,4 @@
-"""Prediction check: loading ramps of a cut predicted with the moduli of other cuts (thesis, section 7.4).
+"""Prediction of a cut's ramps by other cuts' moduli (thesis, 7.4).
 
 The blade's measured displacement goes into the finite-element model with the average modulus of other cuts, of the
 same piece of tissue and of another one; the resulting force is compared with the measured one.
@@ -22,7 +22,7 @@ _ROUNDS = 10  # iterations of the line and the specimens' factors in turn: each 
 
 @dataclass(frozen=True, kw_only=True)
 class LeftOutCut:
-    """One cut, predicted from the others; None where there is nothing to predict it from.
+    """One cut predicted from the others, None where impossible.
 
     Attributes
     ----------
@@ -59,13 +59,13 @@ class LeftOutCut:
     other_rmse: float | None
 
     def percent_of_peak(self, rmse: float | None) -> float | None:
-        """Return an error as a percentage of the peak force [%]."""
+        """Return an error in percent of peak force [%]."""
         return None if rmse is None else 100.0 * rmse / self.peak_force
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PredictedRamp:
-    """One predicted loading ramp: position [m], measured and predicted force [N]; arrays of shape (n,)."""
+    """Loading ramp: position [m], measured and predicted force [N], (n,)."""
 
     position: Array
     measured: Array
@@ -73,9 +73,10 @@ class PredictedRamp:
 
 
 def predicted_ramps(cut: MeasuredCut, model: CutModel, modulus: float | None = None) -> list[PredictedRamp]:
-    """Predict the steady ramps of a cut for a material's modulus [Pa], by default each ramp's own.
+    """Predict a cut's steady ramps for a material modulus [Pa].
 
-    Every ramp starts at the measured start, as in Figure 7.13: only its rise is predicted.
+    The default modulus is each ramp's own. Every ramp starts at the measured start, as in Figure 7.13: only its rise is
+    predicted.
     """
     (position,) = cut.trace.require("position", by="predicted_ramps")
     friction = cut.moduli.friction_per_depth
@@ -91,7 +92,7 @@ def predicted_ramps(cut: MeasuredCut, model: CutModel, modulus: float | None = N
 
 
 def leave_one_out(cuts: Sequence[MeasuredCut], model: CutModel) -> list[LeftOutCut]:
-    """Predict every cut from the others of its specimen and from every other specimen.
+    """Predict every cut from others of its own and other specimens.
 
     A specimen's factor is the stiffness of its cuts relative to the fit over speed and angle. Both are found together,
     so that it does not matter which specimen was cut at which speed, and without the cut that is predicted.
@@ -142,7 +143,7 @@ def leave_one_out(cuts: Sequence[MeasuredCut], model: CutModel) -> list[LeftOutC
 
 
 def _line_and_factors(cuts: list[MeasuredCut]) -> tuple[SpeedDependence | None, dict[str, float]]:
-    """Fit the line over speed and angle and every specimen's relative stiffness by alternating least squares."""
+    """Fit the speed line and specimen factors by alternating least squares."""
     factors = dict.fromkeys(by_specimen(cuts), 1.0)
     line = None
     for _ in range(_ROUNDS if cuts else 0):

@@ -1,4 +1,4 @@
-"""Loading segments: the ramps between valleys and hilltops of the cutting force (thesis, section 3.3.2)."""
+"""Loading segments: ramps between valleys and hilltops (thesis, 3.3.2)."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ _Along = Literal["position", "displacement", "slope", "speed", "speed_change"]
 
 @dataclass(frozen=True, kw_only=True)
 class Segment:
-    """One loading ramp, without its rounded ends, with a line fitted by least squares.
+    """One loading ramp, trimmed, with a least-squares line.
 
     The line is force against position, or against time if the trace holds no position. Force is in the unit of the
     trace, written as N here.
@@ -112,9 +112,10 @@ class Segment:
 
     @property
     def is_steady(self) -> bool:
-        """True if its slope is a property of the tissue: ended by a drop, not a stroke's first, straight, of one speed.
+        """True if the slope is a tissue property.
 
-        False without position: a rate depends on the blade's speed as well.
+        The ramp is ended by a drop, not a stroke's first, straight, and of one speed. False without position: a rate
+        depends on the blade's speed as well.
         """
         whole = self.drop > 0.0 and not self.after_standstill
         return (
@@ -125,7 +126,7 @@ class Segment:
         )
 
     def require(self, *names: _Along, by: str) -> tuple[float, ...]:
-        """Return properties of the segment along the cut; raise, naming the caller, if one is missing.
+        """Return properties along the cut; raise if one is missing.
 
         Parameters
         ----------
@@ -156,7 +157,7 @@ class Segment:
 def loading_segments(
     trace: Trace, *, smallest_drop: float | None = None, smoothing_readings: int | None = None
 ) -> list[Segment]:
-    """Find the ramps of loading between the valleys and hilltops of the cutting force.
+    """Find loading ramps between valleys and hilltops of force.
 
     In each forward stroke the force is averaged over bins of `smoothing_readings`. A rise counts from its
     lowest to its highest bin, and a new one begins only after a fall of `smallest_drop`. The line is fitted
@@ -204,7 +205,7 @@ def loading_segments(
 
 
 def filtered(trace: Trace, *, smallest_drop: float | None = None, smoothing_readings: int | None = None) -> Trace:
-    """Return the record with the force of each forward stroke reduced to its significant hilltops and valleys.
+    """Return the record with strokes reduced to significant hilltops and valleys.
 
     Between these the force is a straight line along the cut, without position in time: the sawtooth of Figure 3.4 of
     the thesis. Before the first valley and after the last hilltop of a stroke, and in other strokes, it is as recorded.
@@ -263,15 +264,16 @@ def _checked_drop(trace: Trace, smallest_drop: float) -> float:
 
 
 def smoothing_readings_of(trace: Trace) -> int:
-    """Return the default number of readings that are averaged in a record."""
+    """Return a record's default number of readings to average."""
     fewest = 1 if trace.position is None else FEWEST_SMOOTHED
     return max(fewest, min(round(SMOOTHING_TIME * trace.sample_rate), 10_000))
 
 
 def force_noise(trace: Trace) -> float:
-    """Return the standard deviation of a reading's white noise, in the unit of the force; 0 for fewer than 3 readings.
+    """Return a reading's white-noise SD in the force's unit.
 
-    It is that of second differences, in which a ramp has no share, by their median, in which crack runs have none.
+    The noise is 0 for fewer than 3 readings, else that of second differences, in which a ramp has no share, by their
+    median, in which crack runs have none.
     """
     bends = np.abs(np.diff(trace.force, 2))
     return float(np.median(bends)) / (_NORMAL_MEDIAN * math.sqrt(6.0)) if len(bends) else 0.0
@@ -322,7 +324,7 @@ def _fitted(trace: Trace, start: int, stop: int, *, drop: float, after_standstil
 
 
 def _along_the_cut(in_time: Segment, t: Array, x: Array, F: Array) -> Segment:
-    """Return the same segment with its line against position, and the motion of the blade."""
+    """Return a segment with line against position, and motion."""
     slope, r_squared = _line(x, F)
     displacement, speed = float(x[-1] - x[0]), float((x[-1] - x[0]) / (t[-1] - t[0]))
     half = len(x) // 2
@@ -341,7 +343,7 @@ def _along_the_cut(in_time: Segment, t: Array, x: Array, F: Array) -> Segment:
 
 
 def _restlessness(residual: Array) -> float:
-    """Return the standard deviation of a ramp's residuals, over that estimated from their successive differences.
+    """Return the residual SD over that from successive differences.
 
     Means of several readings include correlated noise, as in a filtered or interpolated record.
     """
@@ -351,13 +353,13 @@ def _restlessness(residual: Array) -> float:
 
 
 def _from_differences(values: Array) -> float:
-    """Return the standard deviation of white noise with such successive differences; 0 for a single value."""
+    """Return white noise SD from differences, 0 for one value."""
     change = np.diff(values)
     return math.sqrt(float((change * change).mean()) / 2.0) if len(change) else 0.0
 
 
 def _line(x: Array, F: Array) -> tuple[float, float]:
-    """Return the slope of the least-squares line of F against x, and the share of the variance that it explains."""
+    """Return the least-squares slope and explained variance share."""
     dx, dF = x - x.mean(), F - F.mean()
     # Sums, not vector products: for those BLAS wakes its threads, which costs more than it saves.
     xx, xF, FF = float((dx * dx).sum()), float((dx * dF).sum()), float((dF * dF).sum())

@@ -1,4 +1,4 @@
-"""Properties of a sensor at rest, from its readings: least step, noise, and drift of its zero."""
+"""Sensor properties at rest: least step, noise and zero drift."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class SensorAtRest:
 
 
 def longest_still(force: Array, rate: float) -> float:
-    """Return the time for which readings of an axis may stay at one value through their own noise [s].
+    """Return how long noisy readings may stay equal [s].
 
     The longest run that white noise allows once in 10^9 readings, if its zero is in the middle of a step; but at least
     three times the longest run seen, because a sensor's filter makes neighbours alike.
@@ -72,7 +72,7 @@ def longest_still(force: Array, rate: float) -> float:
 
 
 def sensor_at_rest(force: Array, rate: float) -> SensorAtRest | None:
-    """Estimate noise, resolution and drift from readings at rest; None if all readings are equal.
+    """Estimate noise, resolution and drift at rest; None if all equal.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def sensor_at_rest(force: Array, rate: float) -> SensorAtRest | None:
 
 
 def _unrounded(by_block: Array, resolution: float, spread: float) -> tuple[float, Array]:
-    """Return the noise before rounding and each block's zero, by maximum likelihood of the rounded levels."""
+    """Return noise before rounding and block zeros by maximum likelihood."""
     n = len(by_block)
     rows, values, counts = [], [], []
     for number, readings in enumerate(by_block):
@@ -143,7 +143,7 @@ def _unrounded(by_block: Array, resolution: float, spread: float) -> tuple[float
 
 
 def _walk(zeros: Array, width: float) -> tuple[float, float, float]:
-    """Return the standard deviation after one second of a random walk, from means over ``width`` [s], and its error.
+    """Return a random walk's SD after a second, and its error.
 
     Differences of neighbouring means have a covariance of three diagonals, both for a walk (2/3 and 1/6 of its variance
     over a width) and for noise (2 and -1 of its variance). A sine transform makes both diagonal, which leaves a
@@ -158,7 +158,7 @@ def _walk(zeros: Array, width: float) -> tuple[float, float, float]:
         return 0.0, 0.0, 0.0
 
     def noise_beside(ratio: float) -> float:
-        """Return the noise variance that fits best if the walk's is ``ratio`` times it."""
+        """Return the best noise variance for a walk ``ratio``."""
         return float(np.mean(power / (ratio * of_walk + of_noise)))
 
     def cost(logarithm: float) -> float:

@@ -1,4 +1,4 @@
-"""Faults of columns of readings as they stand in a file, before they are a record: clock, numbers, spectrum."""
+"""Faults of raw reading columns: clock, numbers and spectrum."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _STEADY, _SUDDEN = 0.08, 0.12  # largest change within 50 ms over the range: les
 
 
 class Fault(NamedTuple):
-    """Fault of a record: its kind, its rows (first and last), how sure it is, what is seen, and the cure."""
+    """Fault of a record: kind, rows, certainty, finding and cure."""
 
     kind: str
     rows: tuple[int, int]
@@ -89,23 +89,23 @@ class Readings:
 
     @property
     def span(self) -> float:
-        """Range of the force without its outermost readings, which may be spikes [force unit]."""
+        """Force range without outermost readings [force unit]."""
         low, high = np.percentile(self.force, (0.5, 99.5))
         return float(high - low)
 
     @property
     def resolution(self) -> float:
-        """Usual distance between neighbouring values of the force [force unit]; 0 if it has one alone."""
+        """Usual distance of neighbouring force values [force unit], else 0."""
         values = np.unique(self.force)
         return float(np.median(np.diff(values))) if len(values) > 1 else 0.0
 
     @property
     def noise(self) -> float:
-        """Standard deviation of the force from one reading to the next, without sudden drops [force unit]."""
+        """Force noise SD between readings, without drops [force unit]."""
         return 1.4826 * float(np.median(np.abs(np.diff(self.force, 2)))) / math.sqrt(6.0)
 
     def at_rest(self, end: bool = False) -> slice | None:
-        """Return the rows at the start, or the end, in which the blade rests; None if it moves, or is not known."""
+        """Return rows at rest at the start or end, or None."""
         if self.position is None or self.step == 0.0:
             return None
         still = np.abs(self.position - self.position[-1 if end else 0]) < STANDSTILL_SPEED * END_WINDOW
@@ -118,7 +118,7 @@ class Readings:
 
 
 def column_faults(readings: Readings) -> Iterator[Fault]:
-    """Yield faults for which a file is no record of newtons over seconds: clock, rate, counts, swapped columns."""
+    """Yield faults of columns: clock, rate, counts, swaps."""
     yield from _backward(readings)
     yield from _rate(readings)
     yield from _counts(readings)
@@ -126,7 +126,10 @@ def column_faults(readings: Readings) -> Iterator[Fault]:
 
 
 def signal_faults(readings: Readings) -> Iterator[Fault]:
-    """Yield faults of a force over time that goes on: forward jumps, spikes, levels, filter, lines, what is doubled."""
+    """Yield faults of a continuous force signal.
+
+    These are forward jumps, spikes, levels, filters, lines, and doubled readings.
+    """
     yield from _forward(readings)
     yield from _spikes(readings)
     yield from doubled_readings(readings)
@@ -146,7 +149,7 @@ def _backward(readings: Readings) -> Iterator[Fault]:
 
 
 def _forward(readings: Readings) -> Iterator[Fault]:
-    """Find steps of time in which a blade that moves has gone no further than in a usual one."""
+    """Find time jumps in which the blade hardly advances."""
     if readings.position is None:
         return
     jumps = np.diff(readings.time) > GAP_STEPS * readings.step
@@ -181,7 +184,7 @@ def _counts(readings: Readings) -> Iterator[Fault]:
 
 
 def _swapped(readings: Readings) -> Iterator[Fault]:
-    """Find a force that nowhere changes faster than a blade moves, beside a position that does."""
+    """Find swapped force and position by their speed of change."""
     if readings.position is None or readings.step == 0.0:
         return
     force, position = (_suddenness(each, readings.step) for each in (readings.force, readings.position))
@@ -192,7 +195,7 @@ def _swapped(readings: Readings) -> Iterator[Fault]:
 
 
 def _suddenness(values: Array, step: float) -> float:
-    """Return the largest change of values from one mean over 50 ms to the next, over their range [1]."""
+    """Return the largest change of 50 ms means over range [1]."""
     smooth = _averaged(values, max(1, round(5.0 * _EVEN / step)))
     span = float(np.ptp(smooth)) if len(smooth) > 1 else 0.0
     return float(np.abs(np.diff(smooth)).max()) / span if span else 0.0
@@ -205,7 +208,7 @@ def _averaged(values: Array, count: int) -> Array:
 
 
 def spike_rows(readings: Readings) -> tuple[list[NDArray[np.intp]], Array]:
-    """Find one or two readings far from those on either side, by more than the noise there and than any drop.
+    """Find one or two readings far beyond noise and drops.
 
     Returns
     -------
@@ -239,7 +242,7 @@ def _spikes(readings: Readings) -> Iterator[Fault]:
 
 
 def _returns(force: Array, group: NDArray[np.intp], limit: float) -> bool:
-    """Return True if the readings before and after a group differ less from one another than the group from both."""
+    """Return True if readings around a group differ less than it."""
     first, last = int(group[0]), int(group[-1])
     before, after = float(force[max(first - 1, 0)]), float(force[min(last + 1, len(force) - 1)])
     height = float(np.abs(force[group] - 0.5 * (before + after)).min())
@@ -247,7 +250,7 @@ def _returns(force: Array, group: NDArray[np.intp], limit: float) -> bool:
 
 
 def doubled_readings(readings: Readings) -> Iterator[Fault]:
-    """Yield rows or blocks that stand there twice, and readings that are each stored several times."""
+    """Yield repeated rows or blocks, and multiply stored readings."""
     still = np.flatnonzero(np.diff(readings.time) == 0.0)
     force = readings.force
     if len(still):
@@ -273,7 +276,7 @@ def doubled_readings(readings: Readings) -> Iterator[Fault]:
 
 
 def _block_again(force: Array) -> tuple[int, int] | None:
-    """Return where a block of changing readings stands, and where again."""
+    """Return where a changing block stands, and where again."""
     if len(force) <= _BLOCK:
         return None
     windows = np.lib.stride_tricks.sliding_window_view(force, _BLOCK)
@@ -298,7 +301,7 @@ def _levels(readings: Readings) -> Iterator[Fault]:
 
 
 def smoothness(readings: Readings) -> tuple[float, float] | None:
-    """Return how smooth a force is over hundredths of a second, over which a crack's runs are sudden.
+    """Return a force's smoothness over hundredths of a second.
 
     Returns
     -------
@@ -325,7 +328,7 @@ def _filtered(readings: Readings) -> Iterator[Fault]:
 
 
 def _lines(readings: Readings) -> Iterator[Fault]:
-    """Find a line in the spectrum of the force while the blade rests: the mains, or what aliasing makes of them."""
+    """Find spectral lines in force at rest: mains or their alias."""
     rest = readings.at_rest()
     if rest is None:
         return
@@ -358,5 +361,5 @@ def _lines(readings: Readings) -> Iterator[Fault]:
 
 
 def _alias(hertz: float, rate: float) -> float:
-    """Return the frequency at which ``rate`` readings a second show one that is too fast for them [Hz]."""
+    """Return a frequency's alias at ``rate`` readings a second [Hz]."""
     return abs(hertz - round(hertz / rate) * rate)

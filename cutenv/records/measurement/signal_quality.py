@@ -1,4 +1,4 @@
-"""Signal quality of a record: a stuck or clipping sensor, gaps, a reversed sign, an irregular clock."""
+"""Signal quality: stuck or clipping sensor, gaps, sign, clock."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def quality_issues(trace: Trace) -> tuple[QualityIssue, ...]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Signal:
-    """Properties of the force signal: runs of equal readings, noise, resolution, and where the blade advances."""
+    """Force signal properties: equal runs, noise, resolution, advance."""
 
     starts: NDArray[np.intp]
     lengths: NDArray[np.intp]
@@ -151,7 +151,7 @@ class _Signal:
         )
 
     def longest_chance(self, repeats: float, n_readings: int, least: int) -> float:
-        """Return the length of a run that noise leaves once in `1/STUCK_ODDS` records, given the chance of repeats."""
+        """Return the run length that noise exceeds once in `1/STUCK_ODDS` records."""
         if repeats <= 0.0:
             return least
         if repeats >= 1.0:
@@ -160,7 +160,7 @@ class _Signal:
 
 
 def _new_ground(trace: Trace) -> Mask | None:
-    """Return a mask of the instants at which the blade moves forward, beyond its furthest position so far."""
+    """Return a mask of forward motion beyond previous positions, or None."""
     if trace.position is None:
         return None
     reached = np.maximum.accumulate(trace.position)
@@ -230,7 +230,7 @@ def _speed(trace: Trace) -> list[QualityIssue]:
 
 
 def _reversed(trace: Trace, signal: _Signal) -> list[QualityIssue]:
-    """Find a force that pulls the blade forward where it cuts, or, without position, one that is mostly negative."""
+    """Find a force that pulls forward, or is mostly negative."""
     force, where = trace.force, signal.new_ground
     if where is not None:
         if np.count_nonzero(where) < SHORTEST_RECORD or float(force[where].mean()) > -signal.zero:
@@ -249,13 +249,13 @@ def _reversed(trace: Trace, signal: _Signal) -> list[QualityIssue]:
 
 
 def _ends(where: Mask) -> tuple[int, int]:
-    """Return the first and the last instant of a mask."""
+    """Return a mask's first and last instant."""
     first, last = np.flatnonzero(where)[[0, -1]]
     return int(first), int(last)
 
 
 def _stuck(trace: Trace, signal: _Signal) -> list[QualityIssue]:
-    """Find runs of equal readings that noise, or a cut, would have ended sooner."""
+    """Find equal runs longer than noise or a cut allows."""
     few = max(_FEW, round(_FEW * 1e-3 * trace.sample_rate))
     if signal.is_continuous:
         by_noise = float(few)
@@ -283,7 +283,7 @@ def _stuck(trace: Trace, signal: _Signal) -> list[QualityIssue]:
 
 
 def _travel(trace: Trace, signal: _Signal, first: int, last: int) -> float:
-    """Return the travel on new ground during some readings [m]; 0 where no position is known."""
+    """Return travel on new ground [m], 0 without position."""
     if trace.position is None or signal.new_ground is None:
         return 0.0
     here = trace.position[first : last + 1][signal.new_ground[first : last + 1]]
@@ -291,13 +291,13 @@ def _travel(trace: Trace, signal: _Signal, first: int, last: int) -> float:
 
 
 def _is_amid_cut(trace: Trace, signal: _Signal, first: int, last: int, travel: float) -> bool:
-    """Return True if readings without force come between forces while the blade is known to cut."""
+    """Return True for missing force between forces in a cut."""
     loaded = np.abs(trace.force) > 2.0 * signal.zero
     return bool(travel > GAP_TRAVEL and loaded[:first].any() and loaded[last + 1 :].any())
 
 
 def _is_cutting(trace: Trace, signal: _Signal, first: int) -> bool:
-    """Return True if the force has risen and fallen on new ground before a reading, as in a cut."""
+    """Return True if force rose and fell on new ground before."""
     assert signal.new_ground is not None
     before = trace.force[:first][signal.new_ground[:first]]
     swing = SMALLEST_DROP if trace.force_unit == "N" else signal.zero
@@ -327,7 +327,7 @@ def _clipping(trace: Trace, signal: _Signal) -> list[QualityIssue]:
 
 
 def _tops_beyond_noise(trace: Trace, signal: _Signal, runs: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return runs at the extreme that are too long: noise that lets a reading repeat would also have exceeded it.
+    """Return runs at the extreme that noise would have exceeded.
 
     Where the blade stands all the time, its force may rest: noise below the resolution need not show.
     """
@@ -348,7 +348,7 @@ def _tops_beyond_noise(trace: Trace, signal: _Signal, runs: NDArray[np.intp]) ->
 
 
 def _tops_beyond_slope(trace: Trace, signal: _Signal, runs: NDArray[np.intp], sign: float) -> NDArray[np.intp]:
-    """Return runs at the extreme that end a steady rise and last far longer than it, on new ground if known."""
+    """Return runs at the extreme that outlast a steady rise."""
     force = sign * trace.force
     flat = []
     for k in runs.tolist():

@@ -1,4 +1,4 @@
-"""Dependence of the local effective modulus on speed and angle: a level and a fall at 45 and at 90 degrees.
+"""Speed and angle dependence of the local effective modulus.
 
 At 45 degrees it falls linearly; at 90 in the steps of pig liver (``measured_liver().falls_90``), by an amount that
 is fitted: cuts at a few speeds determine how far it falls, not along which curve.
@@ -31,10 +31,10 @@ _ROUNDS = 3  # of re-weighting: the scatter is proportional to the modulus
 
 @dataclass(frozen=True, kw_only=True)
 class SpeedDependence:
-    """LEM(v, theta) = intercept + slope u(v) at 45 and at 90 degrees, linear in the angle between.
+    """LEM(v, theta) = intercept + slope u(v) at 45 and 90 degrees.
 
-    u is the speed at 45 degrees; at 90 it is :func:`~cutenv.sim.tissue.effective_modulus.speed_on_line` of pig liver's
-    steps.
+    Between these angles it is linear. u is the speed at 45 degrees; at 90 it is
+    :func:`~cutenv.sim.tissue.effective_modulus.speed_on_line` of pig liver's steps.
 
     Attributes
     ----------
@@ -53,22 +53,28 @@ class SpeedDependence:
     measured: frozenset[str]
 
     def modulus(self, speed: float, angle: float | None) -> float:
-        """Return the LEM [Pa] at a speed [m/s] and an angle [rad] between 45 and 90 degrees; upright for None."""
+        """Return the LEM [Pa] at speed [m/s] and angle [rad].
+
+        The angle is between 45 and 90 degrees; None is upright.
+        """
         return float(self.moduli(speed, UPRIGHT if angle is None else angle))
 
     def moduli(self, speeds: ArrayLike, angles: ArrayLike) -> Array:
-        """Return the LEM [Pa] of many cuts at once, shapes (n,)."""
+        """Return the LEM [Pa] of many cuts, shapes (n,)."""
         v, w = np.asarray(speeds), _uprightness(angles)
         upright, inclined = self.intercept_90 + self.slope_90 * on_line(v), self.intercept_45 + self.slope_45 * v
         return np.asarray((1.0 - w) * inclined + w * upright)
 
     def loading_ratio(self, speed: float, angle: float | None) -> float:
-        """Return the loading ratio r = min(1, LEM(v, theta)/E0) [1], at least 0.01; E0 is ``intercept_90``."""
+        """Return the loading ratio min(1, LEM(v, theta)/E0) [1], at least 0.01.
+
+        E0 is ``intercept_90``.
+        """
         return min(1.0, max(self.modulus(abs(speed), angle) / self.intercept_90, 0.01))
 
 
 def fit_speed_dependence(speeds: ArrayLike, angles: ArrayLike, moduli: ArrayLike) -> SpeedDependence:
-    """Fit cuts' mean moduli by least squares of relative deviations.
+    """Fit cuts' mean moduli by relative least squares.
 
     Parameters
     ----------
@@ -106,12 +112,15 @@ def fit_speed_dependence(speeds: ArrayLike, angles: ArrayLike, moduli: ArrayLike
 
 
 def on_line(speed: ArrayLike) -> Array:
-    """Return the speed [m/s] at which a straight line would have fallen as far as pig liver's steps at ``speed``."""
+    """Return the speed [m/s] of equal fall on a straight line.
+
+    The fall is that of pig liver's steps.
+    """
     return speed_on_line(speed, measured_liver().falls_90)
 
 
 def _tell_the_fall(speeds: Array, angle: int) -> bool:
-    """Return True if cuts at these speeds [m/s] determine how far the LEM falls at 45 or 90 degrees."""
+    """Return True if speeds [m/s] determine the LEM's fall."""
     differ = bool(speeds.max() >= LEAST_SPEED_RATIO * speeds.min() > 0.0)
     if angle == 90:
         least = LEAST_SHARE * float(on_line(np.inf))
@@ -125,12 +134,15 @@ def _uprightness(angle: ArrayLike) -> Array:
 
 
 def is_between_the_measured(angle: float) -> bool:
-    """Return True if an angle [rad] is between 45 and 90 degrees, with half a degree of tolerance."""
+    """Return True for an angle [rad] within 45 to 90 degrees.
+
+    Half a degree is tolerated.
+    """
     return INCLINED - _SLACK <= angle <= UPRIGHT + _SLACK
 
 
 def _ties(v: Array, theta: Array) -> tuple[Array, frozenset[str]]:
-    """Return the matrix from the free to all four parameters, (4, n_free), and the names of the free ones."""
+    """Return the matrix to all parameters, (4, n_free), and free names."""
     tissue = measured_liver()
     liver = {
         90: (tissue.intercept_90, tissue.slope_90),

@@ -1,4 +1,4 @@
-"""Strokes: parts of a record in which the blade moves one way without a stop.
+"""Strokes: parts of a record with motion in one direction.
 
 On the return stroke the blade leaves the tip until only friction remains (section 6.2, Figures 6.5 to 6.7).
 """
@@ -32,7 +32,7 @@ SHORTEST_STROKE = 0.2e-3
 
 @dataclass(frozen=True, kw_only=True)
 class Stroke:
-    """Instants ``start`` to ``stop - 1`` of a record, in which the blade moves forward, or back."""
+    """Forward or backward stroke, instants ``start`` to ``stop - 1``."""
 
     start: int
     stop: int
@@ -45,7 +45,7 @@ class Stroke:
 
 
 def strokes(trace: Trace) -> list[Stroke]:
-    """Split a record with position where the blade stands or turns; strokes below 0.2 mm are left out."""
+    """Split a record at stops and turns, without strokes below 0.2 mm."""
     (position,), speed = trace.require("position", by="strokes"), trace.blade_speed
     direction = np.where(np.abs(speed) > STANDSTILL_SPEED, np.sign(speed), 0.0)
     borders = [0, *(np.flatnonzero(np.diff(direction)) + 1).tolist(), len(trace)]
@@ -57,13 +57,16 @@ def strokes(trace: Trace) -> list[Stroke]:
 
 
 def bins_of_readings(n_readings: int, size: int) -> NDArray[np.intp]:
-    """Return the borders of bins of ``size`` readings, the last of up to twice as many; shape (n_bins + 1,)."""
+    """Return borders of bins of ``size`` readings, shape (n_bins + 1,).
+
+    The last bin has up to twice as many.
+    """
     n_bins = max(1, n_readings // size)
     return np.append(np.arange(n_bins) * size, n_readings).astype(np.intp)
 
 
 def bins_of_travel(position: Array, length: float) -> NDArray[np.intp]:
-    """Return the borders of the bins of ``length`` [m] through which a stroke passes; shape (n_bins + 1,).
+    """Return borders of bins of ``length`` [m], shape (n_bins + 1,).
 
     Noise that moves a position back over a border opens no new bin; a step over a whole bin leaves it out.
     """
@@ -72,12 +75,12 @@ def bins_of_travel(position: Array, length: float) -> NDArray[np.intp]:
 
 
 def bin_means(values: Array, borders: NDArray[np.intp]) -> Array:
-    """Return the mean of ``values`` in each bin, shape (n_bins,)."""
+    """Return bin means of ``values``, shape (n_bins,)."""
     return np.asarray(np.add.reduceat(values, borders[:-1]) / np.diff(borders))
 
 
 def turning_points(values: Array, smallest_swing: float) -> list[tuple[int, int]]:
-    """Find pairs (valley, hilltop) of indices: rises of ``smallest_swing`` or more, separated by falls of that much.
+    """Find index pairs (valley, hilltop) of swings by ``smallest_swing``.
 
     A rise that ends the series counts, though no fall follows.
     """
@@ -112,7 +115,7 @@ _CORRELATED = 5.0  # factor on the error for independent bins: the error of dept
 
 @dataclass(frozen=True, kw_only=True)
 class ReturnStroke:
-    """Properties measured on the way back from the deepest point of a cut.
+    """Properties measured on the return from a cut's deepest point.
 
     Attributes
     ----------
@@ -138,10 +141,10 @@ class ReturnStroke:
 
 
 def fit_return_stroke(trace: Trace, depth: DepthProfile, *, with_offset: bool = False) -> ReturnStroke | None:
-    """Fit the way back from the deepest point: F = K max(x - a, 0) - f B(x) + c, by least squares in K, f, c and a.
+    """Fit stiffness, tip, friction and offset to the return stroke.
 
-    The first 0.4 mm are left out: friction reverses as the bristles of tissue on the blade bend over, and the sensor
-    follows with a delay.
+    F = K max(x - a, 0) - f B(x) + c, by least squares in K, f, c and a. The first 0.4 mm are left out: friction
+    reverses as the bristles of tissue on the blade bend over, and the sensor follows with a delay.
 
     Parameters
     ----------
@@ -201,7 +204,7 @@ def fit_return_stroke(trace: Trace, depth: DepthProfile, *, with_offset: bool = 
 
 
 def _way_back(trace: Trace, position: Array) -> list[Stroke]:
-    """Return the backward strokes between the deepest point and the next forward stroke."""
+    """Return backward strokes between deepest point and next forward one."""
     deepest = int(np.argmax(position))
     later = [s for s in strokes(trace) if s.stop > deepest]
     if later and later[0].forward:  # the stroke that led to the deepest point
@@ -216,7 +219,10 @@ def _binned(trace: Trace, position: Array, stroke: Stroke) -> tuple[Array, Array
 
 
 class _Hinge(NamedTuple):
-    """The best fit F = K max(x - a, 0) - f B + c for each given tip, and its sum of squares [N2]."""
+    """Best return-stroke fit for each given tip.
+
+    F = K max(x - a, 0) - f B + c, with its sum of squares [N2].
+    """
 
     stiffness: Array  # K [N/m]
     friction: Array  # f [N/m]
@@ -225,7 +231,7 @@ class _Hinge(NamedTuple):
 
 
 def _hinge(x: Array, F: Array, B: Array, a: float | Array, with_offset: bool) -> _Hinge:
-    """Fit for one tip, or for tips of shape (n, 1)."""
+    """Fit for one tip, or tips of shape (n, 1)."""
     h = np.maximum(x - a, 0.0)
     h0, B0, F0 = (values.mean(axis=-1) if with_offset else np.zeros(values.shape[:-1]) for values in (h, B, F))
     # Centred about their means, the three are free of the constant.
@@ -247,5 +253,5 @@ def _dot(one: Array, other: Array) -> Array:
 
 
 def _inflation(B: Array) -> float:
-    """Return the factor [1] on a mean's standard error for a constant that is fitted together with a multiple of B."""
+    """Return a constant's error factor [1] when fitted with B."""
     return math.sqrt(float(np.mean(B**2)) / max(float(B.var()), _SINGULAR * float(np.mean(B**2))))

@@ -1,4 +1,4 @@
-"""Fracture resistance of single units of a cut by the sector method, from probes that unload between them.
+"""Fracture resistance of single units, by unloading probes between them.
 
 A probe goes back some millimetres and returns to where it turned. It is elastic: the force falls along a line that
 ends at the crack tip, so the area between the lines of two probes is the energy of the crack growth between them
@@ -29,7 +29,7 @@ _LOADED = 0.15  # share of the elastic force at the turn below which the line ma
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class UnitResistances:
-    """Fracture resistance of the units between successive probes; arrays of shape (n_units,).
+    """Fracture resistance between successive probes, arrays of shape (n_units,).
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class UnitResistances:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Probe:
-    """The way back from the turn at reading ``turn``, and the return to it until ``again``; on common positions."""
+    """Retreat from reading ``turn`` and return by ``again``, on common positions."""
 
     turn: int
     again: int
@@ -69,7 +69,7 @@ class _Probe:
 
 @dataclass(frozen=True, kw_only=True)
 class _Unloaded:
-    """State of the cut from reading ``turn`` to ``again``, with the tip and the energy that a probe gives back."""
+    """State of the cut at a probe, with tip and energy."""
 
     turn: int
     again: int
@@ -78,7 +78,7 @@ class _Unloaded:
 
 
 def estimate_unit_resistances(trace: Trace, *, friction_per_depth: float | None = None) -> UnitResistances:
-    """Find the fracture resistance R of every unit of cutting between two probes.
+    """Find the fracture resistance R between successive probes.
 
     The elastic line of a probe is the mean of the forces on its way back and forth, in which friction cancels; half
     their difference is friction. The line ends at the tip a, and the energy stored at the turn is the triangle below
@@ -148,7 +148,7 @@ def estimate_unit_resistances(trace: Trace, *, friction_per_depth: float | None 
 
 
 def _probes(trace: Trace, position: Array, moved: list[Stroke]) -> list[_Probe]:
-    """Return the retreats from new ground after which the blade returned to its turning point."""
+    """Return retreats from new ground that return to their turn."""
     found = []
     for i, stroke in enumerate(moved):
         turn = int(np.argmax(position[: stroke.stop]))
@@ -172,14 +172,14 @@ def _probes(trace: Trace, position: Array, moved: list[Stroke]) -> list[_Probe]:
 
 
 def _force_at(places: Array, trace: Trace, position: Array, stroke: Stroke) -> Array:
-    """Return the force [N] at ``places`` [m] of a stroke, averaged over 0.1 mm."""
+    """Return a stroke's mean force [N] over 0.1 mm at ``places`` [m]."""
     borders = bins_of_travel(position[stroke.samples], _BIN)
     x, F = (bin_means(values[stroke.samples], borders) for values in (position, trace.force))
     return np.interp(places, *((x, F) if stroke.forward else (x[::-1], F[::-1])))
 
 
 def _unloaded(probe: _Probe, position: Array) -> _Unloaded | None:
-    """Return the tip on the elastic line of a probe, and the energy below it; None if there was no load."""
+    """Return a probe's tip and stored energy, None without load."""
     x, F = probe.position, probe.mean
     loaded = F > _LOADED * float(F[-_FEWEST:].mean())
     first = len(F) - int(np.argmin(loaded[::-1])) if not loaded.all() else 0
@@ -194,7 +194,7 @@ def _unloaded(probe: _Probe, position: Array) -> _Unloaded | None:
 
 
 def _rubbed(position: Array, depth: DepthProfile, moved: list[Stroke]) -> Array:
-    """Return the integral of B |dx| over the strokes up to every reading [m2], shape (n,)."""
+    """Return the cumulative integral of B |dx| [m2], shape (n,)."""
     step = np.zeros(len(position))
     B = depth.at(position)
     for stroke in moved:

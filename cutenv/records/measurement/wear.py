@@ -1,4 +1,4 @@
-"""Wear of a blade from a series of its cuts: the rise of the fracture resistance with the length that it has cut."""
+"""Blade wear: rise of fracture resistance with the length cut."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class WearEstimate:
 
     @property
     def seen(self) -> bool:
-        """True if the interval excludes a blade that does not wear."""
+        """True if the interval excludes a blade without wear."""
         return self.low > 0.0
 
     @property
@@ -73,10 +73,11 @@ class WearEstimate:
 def fit_wear(
     resistance: Array | Sequence[float], used: Array | Sequence[float], specimen: Sequence[str] | None = None
 ) -> WearEstimate:
-    """Fit R = R0 (1 + w L) to cuts, where L is the length that the blade had cut in the middle of each.
+    """Fit wear R = R0 (1 + w L) to cuts.
 
-    Cuts of one piece of tissue share a level. Least squares on the logarithm, as cuts differ by a factor; the slope of
-    ln(1 + w L) is found by iteration, and intervals are by Student's t from the residuals between cuts.
+    L is the length that the blade had cut in the middle of each. Cuts of one piece of tissue share a level. Least
+    squares on the logarithm, as cuts differ by a factor; the slope of ln(1 + w L) is found by iteration, and intervals
+    are by Student's t from the residuals between cuts.
 
     Parameters
     ----------
@@ -148,7 +149,7 @@ def fit_wear(
 
 
 def blade_wear(cuts: Sequence[MeasuredCut]) -> WearEstimate:
-    """Estimate wear from measured cuts in the order in which they were made.
+    """Estimate wear from measured cuts in order of making.
 
     The length that a blade had cut before is the record's metadata, :data:`USED_KEY`; where no record has it, the cuts
     of a blade (:data:`BLADE_KEY`) count one after the other, from a new blade. Specimens that are named have a level of
@@ -168,7 +169,7 @@ def blade_wear(cuts: Sequence[MeasuredCut]) -> WearEstimate:
 
 
 def without_friction(fracture: FractureEstimate) -> float:
-    """Return the part of a measured R that starts and carries on the crack [J/m2]: less friction on the blade's faces.
+    """Return R less friction on the blade's faces [J/m2].
 
     Friction is the blade's faces', and is not taken to change with its edge.
     """
@@ -176,7 +177,7 @@ def without_friction(fracture: FractureEstimate) -> float:
 
 
 def used_before(traces: Sequence[Trace], lengths: Sequence[float]) -> list[float]:
-    """Return the length that each record's blade had cut before it [m], from cuts of ``lengths`` [m] in order.
+    """Return the length each blade had cut before [m].
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Settings of a cut compared within specimens: a mixed model whose random effect is the piece of tissue."""
+"""Comparison of cut settings within specimens by a mixed model."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SAME_ANGLE = math.radians(5.0)
 
 @dataclass(frozen=True, kw_only=True)
 class CutSetting:
-    """Setting of a cut: speed [m/s] and angle [rad], the medians of its cuts."""
+    """Setting of a cut: median speed [m/s] and angle [rad]."""
 
     speed: float
     angle: float
@@ -33,7 +33,7 @@ class CutSetting:
 
 @dataclass(frozen=True, kw_only=True)
 class SettingEffect:
-    """Quantity at one setting over that at the reference setting, within specimens.
+    """Quantity at one setting relative to the reference, within specimens.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class WithinSpecimens:
 
 
 def compare_settings(cuts: Sequence[MeasuredCut]) -> tuple[WithinSpecimens, ...]:
-    """Compare modulus and fracture resistance of the settings within specimens.
+    """Compare settings' modulus and fracture resistance within specimens.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def compare_settings(cuts: Sequence[MeasuredCut]) -> tuple[WithinSpecimens, ...]
 
 
 def _settings(cuts: Sequence[MeasuredCut]) -> list[CutSetting]:
-    """Return the setting of each cut; cuts of nearly the same speed and angle share one."""
+    """Return each cut's setting, shared by nearly equal cuts."""
     order = sorted(range(len(cuts)), key=lambda n: (round(cuts[n].angle / _SAME_ANGLE), cuts[n].speed))
     groups: list[list[int]] = []
     for n in order:
@@ -179,7 +179,9 @@ def _compared(
 
 
 def mixed_model(values: Array, design: Array, groups: Array) -> tuple[Array, Array, float, float]:
-    """Fit a linear model with a random level for each group, by restricted maximum likelihood.
+    """Fit a linear mixed model by restricted maximum likelihood.
+
+    Each group has a random level.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The sensor's zero: its reading while the blade rests out of the tissue, before and after a cut.
+"""Sensor zero: reading at rest outside the tissue.
 
 An offset of 0.2 N is a quarter of the friction on a blade 2 cm deep: it distorts friction, modulus and resistance.
 """
@@ -41,7 +41,7 @@ _SLIDING = 0.5e-3  # [m] of the way back over which the force before the stop is
 
 @dataclass(frozen=True, kw_only=True)
 class SensorZero:
-    """Reading of a sensor without a force on the blade [N]; None where the record does not show it.
+    """Sensor reading without force on the blade [N], or None.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class SensorZero:
 
     @property
     def is_known(self) -> bool:
-        """True if the record determines the zero in any way."""
+        """True if the record determines the zero."""
         return self.tared or any(value is not None for value in (self.before, self.after, self.return_stroke))
 
     @property
@@ -70,7 +70,7 @@ class SensorZero:
 
     @property
     def flags(self) -> tuple[str, ...]:
-        """Remarks if the zero is unknown or much was subtracted; empty otherwise."""
+        """Remarks on an unknown or large zero, else empty."""
         if not self.is_known:
             return ("the sensor's zero is not seen: no rest out of the tissue before or after; force as recorded",)
         if abs(self.largest) < NOTABLE:
@@ -83,7 +83,7 @@ class SensorZero:
 
 
 def zeroed(trace: Trace) -> tuple[Trace, SensorZero]:
-    """Subtract the sensor's zero from the force of a record.
+    """Subtract the sensor's zero from a record's force.
 
     The zero is the mean force while the blade rests out of the tissue for 0.1 s or more: before it first moves, and
     after it has come back to where it began. A line between both means, constant beyond them, removes drift too; a
@@ -133,7 +133,7 @@ def zeroed(trace: Trace) -> tuple[Trace, SensorZero]:
 
 
 def _rest(trace: Trace, position: Array, *, at_end: bool) -> slice:
-    """Return the readings before the first motion, or after the last, at which the zero is measured; may be empty."""
+    """Return readings before the first motion, or after the last."""
     x = position[::-1] if at_end else position
     least = _least(trace)
     noise = float(np.diff(x[:least]).std()) / np.sqrt(2.0)
@@ -150,7 +150,7 @@ def _least(trace: Trace) -> int:
 
 
 def _mean_at_rest(trace: Trace, rest: slice, *, at_end: bool) -> _Mean | None:
-    """Return mid-time [s] and mean [N] of a rest, or of its outer part where the force is steady; None if nowhere."""
+    """Return mid-time [s] and mean [N] of steady rest, or None."""
     while rest.stop - rest.start >= _least(trace):
         F, middle = trace.force[rest], (rest.start + rest.stop) // 2
         first, last = (float(half.mean()) for half in np.array_split(F, 2))
@@ -162,12 +162,15 @@ def _mean_at_rest(trace: Trace, rest: slice, *, at_end: bool) -> _Mean | None:
 
 
 def _line(time: Array, *rests: _Mean | None) -> Array:
-    """Return the zero at every instant [N]: a line between the means of two rests, or a single rest's constant."""
+    """Return the zero at every instant, linear between rests [N]."""
     return np.asarray(np.interp(time, *np.transpose([rest for rest in rests if rest is not None])))
 
 
 def _after(trace: Trace, position: Array, before: _Mean | None) -> _Mean | None:
-    """Return the zero at the rest after a cut; None if the blade did not come back, or friction hides it."""
+    """Return the zero after a cut, None if friction hides it.
+
+    It is also None if the blade did not come back.
+    """
     rest = _rest(trace, position, at_end=True)
     mean = _mean_at_rest(trace, rest, at_end=True)
     here = float(position[rest].mean()) if mean is not None else np.inf
@@ -186,10 +189,11 @@ def _after(trace: Trace, position: Array, before: _Mean | None) -> _Mean | None:
 
 
 def _held(trace: Trace, before: _Mean | None, after: _Mean, rise: float, B: float) -> float:
-    """Return the friction that still holds the blade after a cut [N], in tissue ``B`` [m] deep.
+    """Return friction holding the blade after a cut [N].
 
-    It is 0 if the force rose by the friction when the blade stopped. If ``rise`` [N] is less than half of that, the
-    rest is taken from friction on the way back, which depends on the zero in turn, but less: the way back is deeper.
+    The tissue is ``B`` [m] deep. The friction is 0 if the force rose by the friction when the blade stopped. If
+    ``rise`` [N] is less than half of that, the rest is taken from friction on the way back, which depends on the zero
+    in turn, but less: the way back is deeper.
     """
     profile, held = DepthProfile.recorded(trace, by="zeroed"), 0.0
     for number in range(_ROUNDS):
@@ -202,7 +206,10 @@ def _held(trace: Trace, before: _Mean | None, after: _Mean, rise: float, B: floa
 
 
 def _on_the_way_back(trace: Trace) -> float | None:
-    """Return the force's constant part on the return stroke [N]; None where friction hides it, 0 if negligible."""
+    """Return the return stroke's constant force [N], None if hidden.
+
+    The force is 0 if negligible.
+    """
     back = fit_return_stroke(trace, DepthProfile.recorded(trace, by="zeroed"), with_offset=True)
     if back is None or back.offset_error > _TOLD:
         return None

@@ -1,4 +1,4 @@
-"""One score for people, scripts, agents and rigs, from what a rig can measure."""
+"""Score for people, scripts, agents and rigs, from measurable quantities."""
 
 from cutenv.records.scoring import cut_metrics  # noqa: F401  they enter their metrics
 from cutenv.records.scoring.cut_map import DepthMap, PathMap

@@ -1,4 +1,4 @@
-"""Maps of a whole cut: depth, or distance to a line.
+"""Maps of a cut: depth, or distance to a line.
 
 They have a value at each point that the tip has passed.
 """
@@ -33,7 +33,7 @@ LINE_KEY = "line_m"
 
 
 class CutMap(ABC):
-    """Map of a cut, with charges and what a success lacks.
+    """Map of a cut, with charges and shortcomings.
 
     It has a value every 0.5 mm from the clamp to the tip.
 
@@ -47,7 +47,7 @@ class CutMap(ABC):
 
     @abstractmethod
     def cost(self, target_length: float) -> float:
-        """Return what the task's reward charges for the map of a cut of this target length [m]."""
+        """Return the task's charge for the map, by target length [m]."""
 
     @abstractmethod
     def words(self, target_length: float) -> str:
@@ -57,7 +57,7 @@ class CutMap(ABC):
     def _shortcomings(self, target_length: float) -> Iterator[str]: ...
 
     def shortcoming(self, target_length: float) -> str:
-        """Return the first thing that a success of the task lacks, in words; "" for nothing."""
+        """Return the first thing lacking for success in words, or ""."""
         return next(self._shortcomings(target_length), "")
 
 
@@ -103,22 +103,25 @@ class DepthMap(CutMap):
 
     @property
     def opened(self) -> Array:
-        """Depth to which the layer below is opened [m], shape (n,)."""
+        """Opened depth of the layer below [m], shape (n,)."""
         if self.layer is None:
             raise Unavailable("no depth of a layer below was given")
         return into_layer(self.depth, self.layer)
 
     @property
     def deepest_opened(self) -> float:
-        """Largest depth into the layer below [m]; 0 without one."""
+        """Largest depth into the layer [m], 0 without one."""
         return 0.0 if self.layer is None else float(self.opened.max())
 
     def mean_error(self, target_length: float) -> float:
-        """Return the integral of the error along the cut over the target length [m]."""
+        """Return the error's integral along the cut over target length [m]."""
         return (self.deep + self.uncut) / target_length
 
     def cost(self, target_length: float) -> float:
-        """Return what the task's reward charges for the depth of a cut of this target length [m]; no layer: nothing."""
+        """Return the task's charge for depth, by target length [m].
+
+        A missing layer adds nothing.
+        """
         return depth_cost(
             {
                 "deep": self.deep,
@@ -130,7 +133,7 @@ class DepthMap(CutMap):
         )
 
     def words(self, target_length: float) -> str:
-        """Return mean error of the depth and depth into the layer in words."""
+        """Return mean depth error and depth into the layer in words."""
         off = f"{1e3 * self.mean_error(target_length):.1f} mm off the wanted depth in the mean"
         opened = self.deepest_opened
         return off if math.isclose(opened, 0.0, abs_tol=1e-9) else f"{off}, {1e3 * opened:.1f} mm into the layer below"
@@ -170,7 +173,7 @@ class PathMap(CutMap):
 
     @property
     def place(self) -> Array:
-        """Places of the cut along and across the slab [m], shape (n, 2)."""
+        """Cut's places along and across the slab [m], shape (n, 2)."""
         n = len(self.aside)
         x, y, angle = self.line.x[:n], self.line.y[:n], self.line.angle[:n]
         return np.column_stack((x - self.aside * np.sin(angle), y + self.aside * np.cos(angle)))
@@ -187,15 +190,15 @@ class PathMap(CutMap):
         return float(np.abs(self.aside).max())
 
     def mean_distance(self, target_length: float) -> float:
-        """Return the integral of the distance along the line over the target length [m]."""
+        """Return the distance's integral along the line over target length [m]."""
         return SPACING * float(np.abs(self.aside).sum()) / target_length
 
     def cost(self, target_length: float) -> float:
-        """Return what the task's reward charges for the path of a cut of this target length [m]."""
+        """Return the task's charge for the path, by target length [m]."""
         return path_cost({"area": self.area, "farthest": self.farthest, "target": target_length})
 
     def words(self, target_length: float) -> str:
-        """Return mean and largest distance to the line in words."""
+        """Return mean and largest distance in words."""
         mean, largest = 1e3 * self.mean_distance(target_length), 1e3 * self.farthest
         return f"{mean:.1f} mm off the line in the mean, {largest:.1f} mm at most"
 

@@ -127,7 +127,7 @@ def metric_named(name: str) -> Metric:
 
 
 def all_metrics() -> dict[str, Metric]:
-    """Return the metrics of every record and of every task, by name in the order of the score card."""
+    """Return metrics of records and tasks by name, in card order."""
     return {name: each for metrics in (METRICS, *MAP_METRICS.values()) for name, each in metrics.items()}
 
 
@@ -255,7 +255,7 @@ def crest_factor(cut: ScoredCut) -> float:
 
 
 def _drops(cut: ScoredCut) -> list[float]:
-    """Return the falls of the force from each maximum to the next minimum, while the blade advances."""
+    """Return falls of force between extremes while the blade advances."""
     F = cut.even_force[cut.even_advancing]
     swing = DROP_SHARE * float(np.ptp(F))
     if swing <= 0.0:
@@ -343,7 +343,9 @@ def log_dimensionless_jerk(cut: ScoredCut) -> float:
 
 
 def spectral_arc_length(speed: Array, rate: float) -> float:
-    """Compute the SPARC of a speed profile, shape (n,), at ``rate`` [Hz]; 0 is smoothest.
+    """Compute a speed profile's SPARC at ``rate`` [Hz]; 0 is smoothest.
+
+    ``speed`` has shape (n,).
 
     Raises
     ------
@@ -367,7 +369,9 @@ def spectral_arc_length(speed: Array, rate: float) -> float:
 
 
 def log_jerk(speed: Array, rate: float) -> float:
-    """Compute the LDLJ of a speed profile, shape (n,), at ``rate`` [Hz]; larger is smoother.
+    """Compute a speed profile's LDLJ at ``rate`` [Hz]; larger is smoother.
+
+    ``speed`` has shape (n,).
 
     Raises
     ------
@@ -386,7 +390,7 @@ def log_jerk(speed: Array, rate: float) -> float:
 
 
 def moving_between(cut: ScoredCut) -> tuple[int, int, NDArray[np.bool_]]:
-    """Return the first and last instant of motion, and a mask of motion at each instant, shape (n,)."""
+    """Return first and last moving instants, and a mask, shape (n,)."""
     moving = _moving(cut)
     first, last = np.flatnonzero(moving)[[0, -1]]
     return int(first), int(last), moving
@@ -400,7 +404,7 @@ def _moving(cut: ScoredCut) -> NDArray[np.bool_]:
 
 
 def _rest_to_rest(cut: ScoredCut) -> Array:
-    """Return the speed at 100 Hz [m/s] from the first motion to the last, with a little rest at either end."""
+    """Return the speed from rest to rest at 100 Hz [m/s]."""
     first, last, _ = moving_between(cut)
     instants = even_instants(cut.time[first : last + 1], RATE)
     if len(instants) < 30:

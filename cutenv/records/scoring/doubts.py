@@ -27,9 +27,9 @@ _DRAWN_BACK, _UNLOADED = 1e-3, 0.4  # [m] from the farthest place, and share of 
 
 
 def doubts_of(cut: ScoredCut) -> list[str]:
-    """Return notes on what in a record can hardly be true, or is claimed and not shown; they change no points.
+    """Return notes on doubtful or unproven facts in a record.
 
-    Of a cut whose hidden state is given, nothing is doubted.
+    They change no points. Of a cut whose hidden state is given, nothing is doubted.
     """
     if cut.truth is not None or cut.twofold:
         return []
@@ -47,7 +47,7 @@ def _available(doubt: Callable[[ScoredCut], Iterator[str]], cut: ScoredCut) -> I
 
 
 def _depth(cut: ScoredCut) -> Iterator[str]:
-    """Doubt a depth that never changes along a real cut: tissue is not so even, so nobody measured it."""
+    """Doubt a depth that is constant along a real cut."""
     depth, position = cut.trace.depth, cut.trace.position
     simulated = cut.noted_end is not None or cut.trace.metadata.get("specimen_class") == "uniform"
     if depth is None or position is None or simulated:
@@ -63,7 +63,7 @@ def _depth(cut: ScoredCut) -> Iterator[str]:
 
 
 def _motion(cut: ScoredCut) -> Iterator[str]:
-    """Doubt a position or clock by which a hand lurches slowly, too early, or not at all."""
+    """Doubt position or clock when lurches are slow, early or missing."""
     found, rate = cut.lurches, cut.trace.sample_rate
     if rate <= _SLOW_FROM:
         return
@@ -87,7 +87,7 @@ def _motion(cut: ScoredCut) -> Iterator[str]:
 
 
 def taken_for_a_drive(cut: ScoredCut) -> str:
-    """Return a note on a record that names nobody, and whose blade moves as no hand does; "" for any other."""
+    """Return a note on an anonymous record without human motion, or ""."""
     if cut.truth is not None or cut.twofold or cut.trace.metadata.get("operator"):
         return ""
     try:
@@ -107,7 +107,7 @@ def _falls(found: Lurches) -> str:
 
 
 def _end(cut: ScoredCut) -> Iterator[str]:
-    """Doubt a cut that is noted as finished, and in its record is not."""
+    """Doubt a cut that is noted as finished without evidence."""
     if cut.trace.metadata.get("end") != "finished":
         return
     x, F = cut.position, cut.newtons
@@ -118,7 +118,7 @@ def _end(cut: ScoredCut) -> Iterator[str]:
 
 
 def _tip(cut: ScoredCut) -> Iterator[str]:
-    """Doubt a tip that is noted near the target, where the return stroke has shown another."""
+    """Doubt a noted tip that the return stroke contradicts."""
     noted, ended = cut.noted_end, cut.trace.metadata.get("end", "finished") == "finished"
     if noted is None or not ended or cut.tip_source != "return stroke" or tip_error(noted, cut.length) > TIP_TOLERANCE:
         return
@@ -131,7 +131,7 @@ def _tip(cut: ScoredCut) -> Iterator[str]:
 
 
 def _zero(cut: ScoredCut) -> Iterator[str]:
-    """Doubt the zero of a force that is none at the start, whether or not the blade rests there."""
+    """Doubt the zero of a force nonzero at the start."""
     F = cut.newtons
     _ = cut.position  # a record of force alone is not scored by newtons
     first = float(F[cut.time <= cut.time[0] + END_WINDOW].mean())

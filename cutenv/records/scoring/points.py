@@ -81,7 +81,7 @@ class ScorePoints:
 
 
 def task_points(cut: ScoredCut, metrics: Mapping[str, float]) -> tuple[ScorePoints, ...]:
-    """Return the points of a cut whose tip and target are known, in the order of the task.
+    """Return a cut's points in the task's order.
 
     A success has the points for its end whole, and in addition those for the way in which it was made: under control,
     gentle with the tissue, in time. Where the target was missed, the points for the end count the less, the more the
@@ -157,7 +157,7 @@ _WORDS = {
 
 
 def charges(cut: ScoredCut, metrics: Mapping[str, float]) -> dict[str, float]:
-    """Return what the task charges for the way in which a cut was made, by :data:`CHARGED`.
+    """Return the task's charges for a cut's way, by :data:`CHARGED`.
 
     Parameters
     ----------
@@ -188,7 +188,7 @@ def charges(cut: ScoredCut, metrics: Mapping[str, float]) -> dict[str, float]:
 
 
 def _left(charged: float, halved: float) -> float:
-    """Return the share of points that is left by a charge, 1 without any; a half at ``halved``."""
+    """Return the share left by a charge, half at ``halved``."""
     return halved / (halved + charged)
 
 
@@ -198,7 +198,7 @@ def _dearest(charged: Mapping[str, float]) -> str:
 
 
 def is_success(cut: ScoredCut) -> bool:
-    """Return True for a tip near the target, under an upright blade, in a cut that ended as it should.
+    """Return True for a tip on target, upright, properly ended.
 
     Where a depth is wanted, the cut is as deep as wanted, and the layer below is not opened; where there is a line, the
     cut is near enough to it.
@@ -215,7 +215,7 @@ def is_success(cut: ScoredCut) -> bool:
 
 
 def _map_missed(cut: ScoredCut) -> str:
-    """Return what depth or path lack for a success, in words; "" for nothing, or where none is wanted."""
+    """Return in words depth's or path's shortcoming, or ""."""
     found = cut.judged_map
     return "" if found is None else found.shortcoming(cut.length)
 
@@ -227,7 +227,7 @@ def _missed(cut: ScoredCut) -> str:
 
 
 def outcome_of(cut: ScoredCut, metrics: Mapping[str, float]) -> str:
-    """Return the outcome of a cut in a few words.
+    """Return a cut's outcome in a few words.
 
     Raises
     ------
@@ -248,7 +248,7 @@ def outcome_of(cut: ScoredCut, metrics: Mapping[str, float]) -> str:
 
 
 def beyond_limit(cut: ScoredCut, metrics: Mapping[str, float]) -> str:
-    """Return which limit of the task was exceeded, in words.
+    """Return the exceeded limit of the task in words.
 
     "" if none was.
 

@@ -1,4 +1,4 @@
-"""All that can be wrong with a record of force.
+"""Checks of a record of force for faults.
 
 Each fault has a name: what is seen, where, how sure, and the cure.
 """
@@ -37,7 +37,7 @@ _RISEN, _FALLEN = (0.25, 0.05), (0.35, 0.2)  # the same for its change: a blade 
 
 
 def record_faults(readings: Readings) -> tuple[Fault, ...]:
-    """Check a record of force for everything that this package knows to be wrong with one.
+    """Check a record of force for all known faults.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def _of_validity(trace: Trace) -> Iterator[Fault]:
 
 
 def _offset(readings: Readings) -> tuple[float, Fault] | None:
-    """Return the force at the start, where the blade rests and touches nothing, and the fault that it is none."""
+    """Return the force at initial rest, and its fault if nonzero."""
     rest = readings.at_rest()
     if rest is None:
         return None
@@ -117,7 +117,7 @@ def _offset(readings: Readings) -> tuple[float, Fault] | None:
 
 
 def _drift(readings: Readings) -> Iterator[Fault]:
-    """Find a zero that has wandered: where the blade rests again, drawn back, there is another one."""
+    """Find a zero that drifted between rests out of tissue."""
     before, after = readings.at_rest(), readings.at_rest(end=True)
     if before is None or after is None or readings.position is None:
         return
@@ -131,6 +131,6 @@ def _drift(readings: Readings) -> Iterator[Fault]:
 
 
 def _limit(readings: Readings, newtons: float, share: float) -> float:
-    """Return how much force counts as none: newtons, if it has that unit, or if it is more, a share of the range."""
+    """Return the force that counts as none, newtons or range share."""
     span = max(share * readings.span, 1.5 * readings.resolution)
     return max(newtons, span) if readings.force_unit == "N" else span

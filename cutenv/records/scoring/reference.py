@@ -65,7 +65,10 @@ class ReferenceSet:
         return len(self.groups)
 
     def percentile(self, name: str, value: float) -> float | None:
-        """Return the share of worse cuts, ties half [%]; None for too few values or a metric without direction."""
+        """Return the share of worse cuts, ties half [%], or None.
+
+        The share is None for too few values, or a metric without direction.
+        """
         metric = METRICS[one_of("metric", name, METRICS)]
         known = self.values.get(name, np.zeros(0))
         known = known[np.isfinite(known)]
@@ -86,7 +89,7 @@ class ReferenceSet:
     def of(
         cls, rows: Sequence[tuple[str, Mapping[str, float | None]]], *, name: str, about: str, force_unit: str
     ) -> ReferenceSet:
-        """Build a reference set from (group, metrics) of many cuts."""
+        """Build a reference set from cuts' (group, metrics)."""
         if not rows:
             raise ValueError("a reference set needs cuts; there is none.")
         values = {
@@ -97,7 +100,7 @@ class ReferenceSet:
         return cls(name=name, about=about, force_unit=force_unit, groups=tuple(group for group, _ in rows), values=kept)
 
     def save(self, path: Path) -> None:
-        """Write the set as CSV: a comment line with its description, then one row per cut."""
+        """Write the set as CSV, below a comment with its description."""
         head = {"schema": REFERENCE_SCHEMA, "name": self.name, "about": self.about, "force_unit": self.force_unit}
         with path.open("w", newline="", encoding="utf-8") as file:
             file.write(f"# {json.dumps(head)}\n")
@@ -109,7 +112,7 @@ class ReferenceSet:
 
     @classmethod
     def load(cls, path: Path) -> ReferenceSet:
-        """Load a file written by :meth:`save`; raise ValueError for anything else."""
+        """Load a :meth:`save` file; ValueError for anything else."""
         with path.open(newline="", encoding="utf-8") as file:
             first = file.readline()
             rows = list(csv.reader(file))

@@ -40,7 +40,7 @@ DISCLAIMER = "Training feedback for research; not validated for assessment or cr
 
 
 def whole_score(score: float) -> int:
-    """Return an overall score as people are shown it: a mark is held against this number, so that both agree."""
+    """Round an overall score for display and for comparison with marks."""
     return round(score)
 
 
@@ -58,7 +58,7 @@ class Scored:
 
 @dataclass(frozen=True, kw_only=True)
 class ScriptScore:
-    """Overall score of a script on the very specimen of a cut, and its outcome in a few words."""
+    """Overall score and outcome of a script on a cut's specimen."""
 
     name: str
     overall_score: float
@@ -119,7 +119,7 @@ class ScoreCard:
     path_map: PathMap | None = None
 
     def __getitem__(self, name: str) -> float:
-        """Return the value of a metric; raise ValueError with the reason if it is unavailable."""
+        """Return a metric's value; raise ValueError if unavailable."""
         scored = self.metrics[name]
         if scored.value is None:
             raise ValueError(f"{name} is unavailable: {scored.unavailable}.")
@@ -132,7 +132,9 @@ class ScoreCard:
         return f"1{unit}" if unit.startswith("/") else unit or "1"
 
     def readable(self, name: str) -> tuple[str, str]:
-        """Return value and unit of a metric for people: lengths in mm, areas in mm2, no unit for a pure number.
+        """Return a metric's value and unit for people.
+
+        Lengths are in mm, areas in mm2; a pure number has no unit.
 
         Raises
         ------
@@ -148,7 +150,7 @@ class ScoreCard:
         return shown, "" if unit == "1" else unit
 
     def to_json(self) -> str:
-        """Return JSON text; values in SI, with the unit of each."""
+        """Return JSON text, values in SI with units."""
         content = {
             "schema": SCORE_SCHEMA,
             "name": self.name,
@@ -188,14 +190,14 @@ class ScoreCard:
         return "\n".join(lines)
 
     def headline(self) -> str:
-        """Return the overall score as a line of text, or the reason why there is none."""
+        """Return the overall score in words, or why it is missing."""
         if self.overall_score is None:
             return f"no overall score: {self.no_score}"
         of = self.outcome or f"of the force alone, compared with {self.reference}"
         return f"overall score {self.overall_score:.0f} of 100: {of}"
 
     def difficulty(self) -> str:
-        """Return what scripts got on this very specimen, in a line; "" if that is unknown."""
+        """Return scripts' scores on this specimen in a line, or ""."""
         return ", ".join(f"{each.name} {each.overall_score:.0f}" for each in self.scripts)
 
     def _repr_html_(self) -> str:
@@ -225,7 +227,7 @@ def score(
     layer_depth: float | None = None,
     line: CutLine | None = None,
 ) -> ScoreCard:
-    """Score one cut by a person, a script, an agent or a rig.
+    """Score one cut by person, script, agent or rig.
 
     Parameters
     ----------
@@ -321,7 +323,7 @@ def _noted_line(trace: Trace) -> CutLine:
 
 
 def positions_along(line: CutLine, trace: Trace) -> Trace:
-    """Return a record whose positions are lengths along a line, to the place on it that is nearest to the blade.
+    """Return a record with positions as lengths along a line.
 
     Raises
     ------
@@ -342,7 +344,7 @@ def positions_along(line: CutLine, trace: Trace) -> Trace:
 def _overall(
     cut: ScoredCut, metrics: Mapping[str, Scored], reference: ReferenceSet | None
 ) -> tuple[tuple[ScorePoints, ...], str, str]:
-    """Return the points, the outcome if tip and target are known, and the reason if there is no overall score."""
+    """Return points, outcome and, if there is no score, the reason."""
     doubt = cut.twofold or cut.spoiled or cut.unfinished
     if doubt:
         return (), "", doubt
@@ -401,7 +403,7 @@ EXPECTED_CUT = "cut beside the line: that of mean tissue behind a blade that mov
 
 
 def score_notes(cut: ScoredCut, points: Sequence[ScorePoints], outcome: str) -> list[str]:
-    """Return what a card rests on: where tip, floor and cut are from, and what is not counted."""
+    """Return a card's notes on sources and what is not counted."""
     notes = [
         {
             "truth": "tip: the simulator's own",
@@ -432,7 +434,7 @@ def score_notes(cut: ScoredCut, points: Sequence[ScorePoints], outcome: str) -> 
 
 
 def _is_known(cut: ScoredCut) -> bool:
-    """Return True if the cut beside the line is known or expected."""
+    """Return True if the cut's path is known or expected."""
     with contextlib.suppress(Unavailable):
         return len(cut.path_map.aside) > 0
     return False

@@ -54,7 +54,9 @@ _FEWEST_RAMPS = 3  # loading ramps needed for the cut's own modulus
 
 
 def modulus_of_ramps(trace: Trace, profile: DepthProfile, tissue: TissueDescription) -> float | None:
-    """Return the material's modulus [Pa] from the steady loading ramps of a record; None for fewer than three.
+    """Return the material modulus [Pa] from three or more steady ramps.
+
+    With fewer ramps it is None.
 
     Parameters
     ----------
@@ -92,10 +94,11 @@ _FASTER = 3e-3  # [m/s], by which the estimated tip advances faster than the bla
 
 
 def runs_of(tip: Array, blade: Array, seconds: float) -> Array:
-    """Return the runs of an estimated tip, each at its first instant [m], shape (n - 1,).
+    """Return an estimated tip's runs by instant [m], shape (n - 1,).
 
-    Where the tip goes on faster than the blade it runs, and the whole way is the run: a slow or smoothed record spreads
-    it over several instants. Runs that gain less than 1.5 mm on the blade are left out.
+    Each run counts at its first instant. Where the tip goes on faster than the blade it runs, and the whole way is the
+    run: a slow or smoothed record spreads it over several instants. Runs that gain less than 1.5 mm on the blade are
+    left out.
 
     Parameters
     ----------
@@ -117,7 +120,7 @@ def runs_of(tip: Array, blade: Array, seconds: float) -> Array:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ScoredCut:
-    """One cut and the quantities that metrics need, computed on first use.
+    """One cut and its quantities for metrics, computed on first use.
 
     Parameters
     ----------
@@ -178,25 +181,28 @@ class ScoredCut:
 
     @property
     def depth(self) -> Array:
-        """Depth of the cut at the blade, at least 1 mm [m], shape (n,)."""
+        """Depth of cut at the blade [m], 1 mm or more, (n,)."""
         return np.maximum(self._field("depth"), SHALLOWEST)
 
     @cached_property
     def at_blade(self) -> Trace:
-        """The record, with the depth at the blade whatever its height; the trace itself without height."""
+        """Record with depth at the blade, unchanged without height."""
         return with_blade_depth(self.trace)
 
     @property
     def tells_depth(self) -> bool:
-        """True if the card has metrics of the depth: for a record with height, or beside a wanted depth."""
+        """True if the card has depth metrics.
+
+        That is for a record with height, or with a wanted depth.
+        """
         return self.trace.height is not None or self.wanted is not None
 
     @cached_property
     def floor(self) -> Array:
-        """Depth of the floor of the cut below the surface every 0.5 mm from the clamp to the tip [m], shape (m,).
+        """Floor's depth below the surface every 0.5 mm [m], shape (m,).
 
-        Truth, or as the simulator noted it in the record; of a record with height, that which the tissue would have
-        under this blade; else the recorded depth.
+        The floor reaches from the clamp to the tip. It is the truth, or as the simulator noted it in the record; of a
+        record with height, that which the tissue would have under this blade; else the recorded depth.
         """
         if self.truth is not None and self.truth.floor is not None:
             return self.truth.floor
@@ -215,14 +221,17 @@ class ScoredCut:
 
     @cached_property
     def depth_map(self) -> DepthMap:
-        """Depth of the cut along its line, beside the wanted one and the layer below."""
+        """Depth along the line, with wanted depth and layer below."""
         floor = self.floor
         wanted = None if self.wanted is None else self.wanted.at(np.arange(len(floor), dtype=np.float64) * SPACING)
         return DepthMap(depth=floor, wanted=wanted, layer=self.layer_depth)
 
     @cached_property
     def path_map(self) -> PathMap:
-        """Distance of the cut to its line: truth, or as the simulator noted it; else as mean tissue would be cut."""
+        """Distance of the cut to its line.
+
+        It is the truth, or as the simulator noted it in the record; else as mean tissue would be cut.
+        """
         x, y = self.trace.blade_x, self.trace.blade_y
         if self.line is None:
             raise Unavailable("no line to cut along was given")
@@ -239,7 +248,7 @@ class ScoredCut:
 
     @property
     def judged_map(self) -> CutMap | None:
-        """Map by which points and success go: of the path beside a line, else of the depth beside a wanted one."""
+        """Map for points and success: path, else wanted depth, else None."""
         if self.line is not None:
             return self.path_map
         return None if self.wanted is None else self.depth_map
@@ -265,16 +274,16 @@ class ScoredCut:
 
     @cached_property
     def unfinished(self) -> str:
-        """Reason why the record is truncated; "" if it is not, or if it is simulated."""
+        """Reason why the record is truncated, or ""."""
         return "" if self.truth is not None else is_truncated(self.trace)
 
     @cached_property
     def twofold(self) -> str:
-        """Reason why the record holds two cuts; "" if it holds one, as every record of a simulator does."""
+        """Reason why the record holds two cuts, or ""."""
         return "" if self.noted_end is not None else holds_two_cuts(self.trace)
 
     def no_mark(self, work: float | None) -> str:
-        """Return the reason why a record whose tip is known gets no overall score; "" if there is none.
+        """Return why a record with known tip has no score, or "".
 
         Parameters
         ----------
@@ -308,7 +317,7 @@ class ScoredCut:
 
     @cached_property
     def advancing(self) -> NDArray[np.bool_]:
-        """Mask of the instants at which the blade advances over uncut tissue, shape (n,).
+        """Mask of instants advancing over uncut tissue, shape (n,).
 
         Without position, from the first force to the last.
         """
@@ -328,7 +337,7 @@ class ScoredCut:
         return np.asarray(0.5 * (np.append(step, 0.0) + np.append(0.0, step)))
 
     def mean(self, values: Array) -> float:
-        """Return the mean of ``values`` over the time in which the blade advances."""
+        """Return the mean of ``values`` while the blade advances."""
         w = self.weights[self.advancing]
         return float(w @ values[self.advancing] / w.sum())
 
@@ -352,7 +361,10 @@ class ScoredCut:
 
     @cached_property
     def jumps(self) -> Array:
-        """Unstable growth [m], at each instant; if estimated, in windows of 40 ms, each run in its first."""
+        """Unstable growth at each instant [m].
+
+        If estimated, growth is in windows of 40 ms, each run in its first.
+        """
         if self.truth is not None:
             return self.truth.jump
         borders = even_instants(self.time, 1.0 / RUNS_EVERY)
@@ -364,12 +376,12 @@ class ScoredCut:
 
     @cached_property
     def even_time(self) -> Array:
-        """Sampling instants at 100 Hz [s]: centres of windows of 10 ms."""
+        """Sampling instants at 100 Hz, centres of 10 ms windows [s]."""
         return even_centres(self.time)
 
     @cached_property
     def smooth_force(self) -> Array:
-        """Force at 100 Hz, low-pass filtered at 5 Hz, shape of :attr:`even_time`."""
+        """Force at 100 Hz, low-pass at 5 Hz, on :attr:`even_time`."""
         _ = self.force  # raises if it is unusable
         return self._smooth
 
@@ -388,12 +400,12 @@ class ScoredCut:
 
     @cached_property
     def spoiled(self) -> str:
-        """Reason why the force is unusable; "" if there is none."""
+        """Reason why the force is unusable, or ""."""
         return force_unusable(self.trace, self.quality)
 
     @cached_property
     def even_force(self) -> Array:
-        """Force at 100 Hz, means over 10 ms, shape of :attr:`even_time`: sudden drops stay sudden."""
+        """Force at 100 Hz by 10 ms means, on :attr:`even_time`."""
         _ = self.force  # raises if it is unusable
         return self._even
 
@@ -422,7 +434,7 @@ class ScoredCut:
 
     @cached_property
     def model(self) -> CutModel:
-        """Finite-element model for stiffness; raises :class:`Unavailable` if the cut is longer than its specimen."""
+        """Finite-element model; raises :class:`Unavailable` if the specimen is too short."""
         model = self.tissue.cut_model()
         if float(self.position.max()) > model.length:
             raise Unavailable("the cut is longer than the model's specimen, 15 cm")
@@ -430,11 +442,11 @@ class ScoredCut:
 
     @cached_property
     def modulus(self) -> float:
-        """Modulus of the material with which the tip is estimated [Pa]: the cut's own if known, else the tissue's."""
+        """Material modulus for estimating the tip [Pa], of cut or tissue."""
         return float(self._learned["stiffness_ratio"]) * self._believed
 
     def stiffness(self, modulus: float, tip: Array) -> Array:
-        """Return K [N/m] of a slab of the given modulus [Pa], for tip positions [m] of this cut."""
+        """Return K [N/m] at tip positions [m] for a modulus [Pa]."""
         a = np.clip(tip, 0.0, self.model.length)
         return (
             modulus
@@ -450,7 +462,7 @@ class ScoredCut:
 
     @cached_property
     def _believed(self) -> float:
-        """Modulus of the material that is believed without a return stroke [Pa]."""
+        """Material modulus believed without a return stroke [Pa]."""
         own = self.tissue.modulus if self.own_modulus is None else self.own_modulus
         return float(self.tissue.modulus * (own / self.tissue.modulus) ** _TRUSTED)
 
@@ -462,7 +474,7 @@ class ScoredCut:
 
     @cached_property
     def _followed(self) -> tuple[Array, StructArray]:
-        """Estimated tip at every instant [m], and :attr:`_learned`, shape (1,), which is used from the beginning on."""
+        """Estimated tip at every instant [m], and :attr:`_learned`, shape (1,)."""
         known = np.zeros(1, ASSESSED_TIP)
         believe_mean(known, self.tissue.nominal_friction_per_depth)
         taught = self._follow(known.copy())[1]
@@ -473,7 +485,7 @@ class ScoredCut:
         return tips, known
 
     def _follow(self, memory: StructArray) -> tuple[Array, StructArray]:
-        """Return the tip at every instant [m] for one who knows ``memory``, and what the first return stroke taught."""
+        """Return tips [m] given ``memory``, and what the first return taught."""
         # Forces are compared with thresholds, which are for a slab as thick as usual.
         force, scale = self.newtons, THICKNESS / self.tissue.thickness
         readings = (self.position, self.trace.blade_speed, scale * self.profile.at(self.position), scale * force)
@@ -491,7 +503,7 @@ class ScoredCut:
 
     @cached_property
     def own_modulus(self) -> float | None:
-        """Modulus of the material from the cut's own loading ramps [Pa].
+        """Material modulus from the cut's own loading ramps [Pa].
 
         It is None if fewer than three are steady.
 
@@ -507,12 +519,12 @@ class ScoredCut:
 
     @property
     def shown_end(self) -> float:
-        """Crack tip at the end by the forces alone, whatever the record notes [m]."""
+        """Crack tip at the end by forces alone [m]."""
         return float(self._followed[0][-1])
 
     @property
     def noted_end(self) -> float | None:
-        """Crack tip at the end of the cut as the simulator noted it in the record [m]; None if it did not."""
+        """Final crack tip as noted by the simulator [m], or None."""
         return noted_tip(self.trace.metadata)
 
     def _ending_where_it_did(self, tip: Array) -> Array:

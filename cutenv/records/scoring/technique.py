@@ -68,7 +68,7 @@ class TechniqueFault:
 
 
 def technique_faults(cut: ScoredCut) -> list[TechniqueFault]:
-    """Find the faults of a cut, in order of time; those that the record cannot show are left out."""
+    """Find a cut's visible technique faults, in order of time."""
     found: list[TechniqueFault] = []
     for look in (_lurches, _haste, _force, _end, _stop, _wedge, _pauses):
         try:
@@ -179,7 +179,7 @@ def _stop(cut: ScoredCut) -> list[TechniqueFault]:
 
 
 def _rest_of(cut: ScoredCut) -> str:
-    """Return in words how much was left to cut, or how much was cut too far; "" if it is little or unknown."""
+    """Return in words how much was left or overcut, or ""."""
     try:
         off = 1e3 * (float(cut.tip[cut.end]) - cut.length)
     except Unavailable:
@@ -194,7 +194,7 @@ def _told_end(cut: ScoredCut) -> str:
 
 
 def _where(cut: ScoredCut, time: float, position: float | None) -> str:
-    """Return place and time of what happened in words; the time is from the start of the record."""
+    """Return place and time in words, from the record's start."""
     place = "" if position is None else f"at {100.0 * position:.1f} cm, "
     return f"{place}after {time - float(cut.time[0]):.1f} s"
 

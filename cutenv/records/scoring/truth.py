@@ -65,7 +65,7 @@ def checked_floor(name: str, depth: Any) -> Array:
 
 
 def checked_aside(name: str, aside: Any) -> Array:
-    """Return the distances of a cut to its line [m], shape (m,), checked."""
+    """Return checked distances to the cut's line [m], shape (m,)."""
     found = array_in_range(name, aside, -0.1, 0.1, "m", "2 mm is 0.002.")
     if found.ndim != 1 or not 1 <= len(found) <= N_POINTS:
         raise ValueError(f"{name} has shape {found.shape}; give one distance every 0.5 mm, 1 to {N_POINTS} of them.")
@@ -73,7 +73,7 @@ def checked_aside(name: str, aside: Any) -> Array:
 
 
 def noted_tip(metadata: Mapping[str, Any]) -> float | None:
-    """Return the crack tip at the end of a cut that a simulator noted in its record's metadata [m]; None without it."""
+    """Return the final crack tip noted in metadata [m], or None."""
     noted = metadata.get(TIP_AT_END)
     if isinstance(noted, int | float) and math.isfinite(noted) and 0.0 <= noted <= _FARTHEST:
         return float(noted)

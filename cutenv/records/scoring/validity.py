@@ -1,4 +1,4 @@
-"""Validity of a record for scoring, and its samples at a fixed rate.
+"""Validity of a record for scoring, and fixed-rate samples.
 
 A record is not valid with bad force, if it is truncated, or with two cuts in one. Lurches of the blade where the force
 falls suddenly tell about its position and clock.
@@ -22,7 +22,7 @@ from cutenv.sim.trace import Trace
 
 
 class Unavailable(ValueError):
-    """The reason why a metric cannot be computed from a cut."""
+    """Reason why a metric cannot be computed from a cut."""
 
 
 LONGEST_RECORD = 3600.0
@@ -40,7 +40,7 @@ _PAUSE = 1.5  # [s] without force between loads, the same as for dividing long r
 
 
 def force_unusable(trace: Trace, quality: Sequence[QualityIssue]) -> str:
-    """Return the reason why the force is unusable, among them issues of quality; "" if there is none."""
+    """Return why the force is unusable, or ""."""
     if trace.duration > LONGEST_RECORD:
         return f"the record lasts {trace.duration:.3g} s, more than an hour; time is in seconds, and one cut a record"
     said = [flaw.message for flaw in quality if flaw.refuse or flaw.kind == "reversed"]
@@ -48,7 +48,10 @@ def force_unusable(trace: Trace, quality: Sequence[QualityIssue]) -> str:
 
 
 def is_truncated(trace: Trace) -> str:
-    """Return the reason why the record is truncated; "" if it is not, or if the metadata name the cut's end."""
+    """Return why a record is truncated, or "".
+
+    A record is not truncated if the metadata name the cut's end.
+    """
     if trace.position is None or trace.metadata.get("end") is not None:
         return ""
     first = min(int(np.searchsorted(trace.time, trace.time[-1] - END_WINDOW)), len(trace) - 2)
@@ -62,7 +65,7 @@ def is_truncated(trace: Trace) -> str:
 
 
 def starts_late(trace: Trace) -> str:
-    """Return the reason why the record misses the beginning of its cut; "" if it does not, or without position."""
+    """Return why a record misses its cut's beginning, or ""."""
     if trace.position is None:
         return ""
     last = max(int(np.searchsorted(trace.time, trace.time[0] + END_WINDOW)), 1)
@@ -78,7 +81,7 @@ def starts_late(trace: Trace) -> str:
 
 
 def holds_two_cuts(trace: Trace) -> str:
-    """Return the reason why the record holds more than one cut.
+    """Return why a record holds more than one cut, or "".
 
     "" if it does not, or if there is no position.
 
@@ -112,7 +115,7 @@ def holds_two_cuts(trace: Trace) -> str:
 
 
 def without_spikes(trace: Trace) -> tuple[Trace, str]:
-    """Return a record with position without its spikes, and what was left out, in words; "" for nothing.
+    """Return a record without position spikes, and the omissions in words.
 
     A spike is one reading, or two, far from those on either side; it is replaced by what is usual there.
     """
@@ -145,7 +148,7 @@ _AHEAD = 1.5e-3  # [m] by which a tip may be noted ahead of all places of the bl
 
 
 def unseen(trace: Trace) -> str:
-    """Return the reason why runs and lurches cannot be seen in a record; "" if they can."""
+    """Return why runs and lurches cannot be seen, or ""."""
     if trace.sample_rate < SLOWEST_SCORED:
         return (
             f"{trace.sample_rate:.3g} readings a second are too few to see how the tissue runs and the blade lurches: "
@@ -161,7 +164,7 @@ def unseen(trace: Trace) -> str:
 
 
 def noisy(trace: Trace, even: Array) -> str:
-    """Return the reason why noise hides short runs of the crack.
+    """Return why noise hides short crack runs, or "".
 
     "" if it does not.
 
@@ -179,9 +182,10 @@ def noisy(trace: Trace, even: Array) -> str:
 
 
 def levelled(even: Array) -> str:
-    """Return the reason why a force at 100 Hz while the blade advances, shape (m,), is no cut's; "" if it may be.
+    """Return why an advancing force is implausible, or "".
 
-    A sensor or amplifier at its limit still has noise, which hides that the readings are the same.
+    The force at 100 Hz has shape (m,). A sensor or amplifier at its limit still has noise, which hides that the
+    readings are the same.
     """
     share = float(np.mean(even > even.max() - _LEVEL * np.ptp(even)))
     if share < _AT_LEVEL:
@@ -193,7 +197,7 @@ def levelled(even: Array) -> str:
 
 
 def never_loaded(smooth: Array, even: Array, advancing: NDArray[np.bool_]) -> str:
-    """Return the reason why a blade that advances cuts nothing.
+    """Return why an advancing blade cuts nothing, or "".
 
     "" if it cuts.
 
@@ -212,7 +216,7 @@ def never_loaded(smooth: Array, even: Array, advancing: NDArray[np.bool_]) -> st
 
 
 def noted_ahead(tip: float, position: Array) -> str:
-    """Return the reason why a tip cannot have ended where it is noted [m], ahead of all places of the blade; or ""."""
+    """Return why a noted tip [m] is impossibly ahead, or ""."""
     ahead = tip - float(position.max())
     if ahead <= _AHEAD:
         return ""
@@ -220,7 +224,7 @@ def noted_ahead(tip: float, position: Array) -> str:
 
 
 def implausible_work(ratio: float, tip: float) -> str:
-    """Return the reason why a force cannot be newtons, by its work over the fracture energy of a cut; or "".
+    """Return why work shows a force not in newtons, or "".
 
     Parameters
     ----------
@@ -239,7 +243,7 @@ def implausible_work(ratio: float, tip: float) -> str:
 
 
 def validity_warnings(trace: Trace, quality: Sequence[QualityIssue]) -> list[str]:
-    """Return warnings about a record that can be scored, among them issues of quality."""
+    """Return warnings about a record that can be scored."""
     said = [f"record: {flaw.message.rstrip('.')}" for flaw in quality if not flaw.refuse]
     if trace.position is None:
         said += _remarks_on_force(trace)
@@ -266,7 +270,7 @@ def _remarks_on_force(trace: Trace) -> list[str]:
 
 
 def _by_place(x: Array, F: Array, chosen: NDArray[np.bool_], places: Array) -> Array:
-    """Return the mean force of the chosen instants in each bin of position, shape (n,); NaN where there is none."""
+    """Return the chosen instants' mean force by bin, (n,), or NaN."""
     where = np.digitize(x[chosen], places) - 1
     count = np.bincount(where, minlength=len(places))[: len(places)]
     total = np.bincount(where, weights=F[chosen], minlength=len(places))[: len(places)]
@@ -285,7 +289,7 @@ _AT_ENDS = 5  # samples at 100 Hz averaged at either end
 
 
 def even_instants(time: Array, rate: float) -> Array:
-    """Return sampling instants at ``rate`` [Hz] from the first of ``time`` [s], as many as fit.
+    """Return instants at ``rate`` [Hz] from ``time``'s first [s].
 
     Raises
     ------
@@ -300,7 +304,7 @@ def even_instants(time: Array, rate: float) -> Array:
 
 
 def even_centres(time: Array) -> Array:
-    """Return the centres of the windows of 10 ms that fit into ``time`` [s]; shape (m,).
+    """Return centres of 10 ms windows within ``time`` [s], shape (m,).
 
     Raises
     ------
@@ -311,7 +315,9 @@ def even_centres(time: Array) -> Array:
 
 
 def even_means(trace: Trace) -> Array:
-    """Return the force at 100 Hz, means over 10 ms, in the trace's unit; shape (m,) of :func:`even_centres`.
+    """Return the force at 100 Hz by 10 ms means, shape (m,).
+
+    The means are in the trace's unit, at :func:`even_centres`.
 
     Raises
     ------
@@ -329,14 +335,14 @@ def even_means(trace: Trace) -> Array:
 
 
 def smoothed(values: Array) -> Array:
-    """Return values at 100 Hz, low-pass filtered at :data:`BANDWIDTH` without delay, of the same shape."""
+    """Return 100 Hz values low-pass filtered at :data:`BANDWIDTH` without delay."""
     from scipy.signal import butter, sosfiltfilt  # a third of a second, which every command that scores would wait
 
     return np.asarray(sosfiltfilt(butter(2, BANDWIDTH, fs=RATE, output="sos"), values))
 
 
 def under_force(time: Array, even_time: Array, smooth: Array) -> NDArray[np.bool_]:
-    """Return the mask of the instants ``time`` [s] from the first force to the last, shape (n,).
+    """Return a mask of ``time`` [s] from first to last force, (n,).
 
     ``smooth`` is the force at ``even_time`` [s], both of shape (m,), in any unit.
 
@@ -391,7 +397,7 @@ class Lurches(NamedTuple):
 
 
 def lurches_of(trace: Trace, position: Array, even: Array) -> Lurches:
-    """Return how a blade moves where the force falls suddenly.
+    """Return the blade's motion at sudden falls of force.
 
     Parameters
     ----------
@@ -428,7 +434,7 @@ def lurches_of(trace: Trace, position: Array, even: Array) -> Lurches:
 
 
 def _closely(trace: Trace, falls: list[float]) -> Iterator[tuple[float, float, float]]:
-    """Yield quickness [1/kg^0.5], share before the fall and way [m] of lurches near ``falls`` [s after the start]."""
+    """Yield lurches near ``falls``: quickness [1/kg^0.5], earlier share, way [m]."""
     assert trace.position is not None
     instants = even_instants(trace.time, _FINE)
     x, F = (np.interp(instants, trace.time, each) for each in (trace.position, trace.force))
@@ -450,7 +456,7 @@ def _closely(trace: Trace, falls: list[float]) -> Iterator[tuple[float, float, f
 
 
 def smoothed_motion(lurches: Lurches) -> str:
-    """Return the reason why position or clock cannot be a hand's, by its lurches; "" if they can."""
+    """Return why lurches rule out a hand's motion, or ""."""
     sharp = lurches.sharpness
     if sharp is None or sharp >= _SHARPEST_SMOOTHED or lurches.top < LURCH_SPEED:
         return ""

@@ -25,7 +25,7 @@ _OVERALL = "overall_score"
 
 @dataclass(frozen=True, kw_only=True)
 class Crossover:
-    """Difference between two conditions within people, and the change from the first half to the second.
+    """Within-person difference between two conditions, and change over time.
 
     Attributes
     ----------
@@ -116,7 +116,7 @@ def crossover(values: Mapping[str, Sequence[tuple[str, float]]], *, confidence: 
 
 
 def condition_of(metadata: Mapping[str, object]) -> str:
-    """Return the condition under which a record of a course's crossover was cut; "" for any other record.
+    """Return a record's crossover condition, "" for other records.
 
     A cut that was given up has none: the course has it repeated.
     """
@@ -125,7 +125,7 @@ def condition_of(metadata: Mapping[str, object]) -> str:
 
 
 def crossovers(study: Study) -> dict[str, Crossover | NotEstimable]:
-    """Return the crossover of the overall score and of each metric of a study; {} if no cut has a condition."""
+    """Return crossovers of score and metrics, {} without conditions."""
     cuts = [cut for cut in study.cuts if cut.condition]
     if not cuts:
         return {}
@@ -141,7 +141,7 @@ def crossovers(study: Study) -> dict[str, Crossover | NotEstimable]:
 
 
 def _contrast(samples: Sequence[Array], weights: Sequence[float], level: float) -> Estimate:
-    """Return the weighted sum of the samples' means, with an interval by the pooled variance."""
+    """Return a weighted sum of means, with pooled-variance interval."""
     degrees = sum(len(sample) - 1 for sample in samples)
     pooled = sum(float(((sample - sample.mean()) ** 2).sum()) for sample in samples) / degrees
     value = float(sum(w * sample.mean() for w, sample in zip(weights, samples, strict=True)))

@@ -42,7 +42,7 @@ _NO_VARIATION = 1e-12  # relative to the largest value: less is rounding
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """A value, with its confidence interval over people if there are enough of them.
+    """Value with its confidence interval over people, if possible.
 
     Attributes
     ----------
@@ -64,18 +64,20 @@ class Estimate:
         return f"{self.value:.3g}{interval}"
 
     def excludes(self, value: float) -> bool:
-        """Return True if there is an interval and it does not hold a value."""
+        """Return True if the interval exists and excludes a value."""
         return self.low is not None and self.high is not None and not self.low <= value <= self.high
 
 
 def without_intervals(found: T) -> T:
-    """Return a result with the values of its estimates alone."""
+    """Return a result without its estimates' intervals."""
     values = {part.name: getattr(found, part.name) for part in fields(found)}
     return replace(found, **{name: Estimate(value=v.value) for name, v in values.items() if isinstance(v, Estimate)})
 
 
 def series_of(name: str, series: Sequence[ArrayLike], *, fewest: int, people: int = FEWEST_PEOPLE) -> tuple[Array, ...]:
-    """Return one checked array for each person: at least ``people``, each with at least ``fewest`` finite values.
+    """Return a checked array for each person.
+
+    At least ``people`` are needed, each with at least ``fewest`` finite values.
 
     Raises
     ------
@@ -92,7 +94,7 @@ def series_of(name: str, series: Sequence[ArrayLike], *, fewest: int, people: in
 
 
 def values_of(name: str, values: ArrayLike, *, fewest: int) -> Array:
-    """Return a checked array of finite values, shape (n,), n at least ``fewest``.
+    """Return at least ``fewest`` finite values as array, shape (n,).
 
     Raises
     ------
@@ -106,7 +108,7 @@ def values_of(name: str, values: ArrayLike, *, fewest: int) -> Array:
 
 
 def vanishes(square: float, values: Array) -> bool:
-    """Return True if a mean square is only rounding error, compared to its values."""
+    """Return True if a mean square is only rounding error."""
     return square <= (_NO_VARIATION * float(np.abs(values).max())) ** 2
 
 
@@ -119,7 +121,7 @@ _TOO_MANY = 0.5  # share of resamples without a value from which there is no int
 
 
 def over_people(value: float, replicates: Array, people: int) -> Estimate:
-    """Return a value with its interval from the values of the resamples.
+    """Return a value with its interval from resamples.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Learning curves, CUSUM charts, and advice on what to try next.
+"""Learning curves, CUSUM charts, and advice on next steps.
 
 Curves are over the number of the cut; charts show when a person reaches a target. Advice is on the parts of the score
 that cost most lately.
@@ -27,7 +27,7 @@ SLACK, THRESHOLD = 0.5, 4.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cusum:
-    """CUSUM chart: sums of one person's deviations from a target, in standard deviations; arrays of shape (n,).
+    """CUSUM chart of one person, in standard deviations, shape (n,).
 
     Attributes
     ----------
@@ -48,18 +48,18 @@ class Cusum:
 
     @property
     def reached_at(self) -> int | None:
-        """Number of the first cut, from 1, at which the target counts as reached; None if it does not."""
+        """Number, from 1, of the cut reaching the target, or None."""
         return _first(self.reaching > self.threshold)
 
     @property
     def left_at(self) -> int | None:
-        """Number of the first cut, from 1, at which cuts count as beyond the target; None if they do not."""
+        """Number, from 1, of the cut leaving the target, or None."""
         return _first(self.leaving > self.threshold)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LearningCurve:
-    """A metric by the number of the cut, over people.
+    """Metric by number of the cut, over people.
 
     Every array of shape (n,).
 
@@ -135,7 +135,7 @@ def cusum(
 
 
 def learning_curve(series: Sequence[ArrayLike], *, confidence: float = CONFIDENCE) -> LearningCurve:
-    """Compute the mean over people for each number of the cut, and the paired change since each person's first.
+    """Compute means over people by cut number, and paired changes.
 
     Parameters
     ----------
@@ -185,7 +185,7 @@ def _interval(values: Array, level: float) -> tuple[float, float, float]:
 
 
 def _summed(steps: Array) -> Array:
-    """Return cumulative sums that start at 0 and never fall below it."""
+    """Return cumulative sums that are limited below at 0."""
     sums = np.zeros(len(steps))
     level = 0.0
     for i, step in enumerate(steps):
@@ -252,7 +252,7 @@ class NextTry:
 
 
 def mean_points(cards: Sequence[ScoreCard]) -> dict[str, tuple[float, float]]:
-    """Return mean points and most points by part, over the cuts with an overall score."""
+    """Return mean and maximum points by part, over scored cuts."""
     scored = [card for card in cards if card.overall_score is not None]
     most = {each.part: each.most for card in scored for each in card.points}
     return {
@@ -262,7 +262,7 @@ def mean_points(cards: Sequence[ScoreCard]) -> dict[str, tuple[float, float]]:
 
 
 def next_tries(cards: Sequence[ScoreCard]) -> tuple[NextTry, ...]:
-    """Return what to try next, by the parts that cost most points in a person's last cuts; the costliest first.
+    """Return advice on the costliest parts of a person's last cuts.
 
     Parameters
     ----------
@@ -296,7 +296,7 @@ def next_tries(cards: Sequence[ScoreCard]) -> tuple[NextTry, ...]:
 
 
 def outcome_counts(cards: Sequence[ScoreCard]) -> dict[str, int]:
-    """Return how many cuts were a success, missed the target, or went beyond a limit; empty if no outcome is known."""
+    """Return counts of outcomes, empty if none is known."""
     known = [card for card in cards if card.outcome]
     success = sum(card.outcome.startswith("success") for card in known)
     beyond = sum(each.part == "limits" and each.points == 0.0 for card in known for each in card.points)

@@ -1,4 +1,4 @@
-"""Pass marks, how often each errs, and what supports them.
+"""Pass marks, their error rates, and evidence for them.
 
 A pass mark is found from two groups of people, from the experts alone, or set by a teacher. A class of people is held
 against pass marks and raters; what supports them is Messick's five sources of validity.
@@ -60,7 +60,7 @@ IN_A_ROW = 2
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorRate:
-    """Number of people of a group whom a mark judges wrongly.
+    """Number of people in a group judged wrongly by a mark.
 
     Attributes
     ----------
@@ -134,7 +134,7 @@ class NormalCurve(NamedTuple):
 
 
 def crossing(failing: NormalCurve, passing: NormalCurve) -> Array:
-    """Return where two normal curves of equal area cross between their means; NaN where they do not.
+    """Return where two normal curves cross between means, or NaN.
 
     Each curve is higher at its own mean only if the curves are far enough apart for their spreads; then they cross
     once between the means. Closed form: the logarithms of the densities are equal at the root of a quadratic.
@@ -159,7 +159,7 @@ def pass_mark(
     given: float | None = None,
     rng: np.random.Generator,
 ) -> PassMark:
-    """Find a pass mark, its interval, and its observed and theoretical false passes and false fails.
+    """Find a pass mark, its interval and error rates.
 
     Parameters
     ----------
@@ -226,7 +226,7 @@ def passes(values: Array, mark: float, better: Better) -> NDArray[np.bool_]:
 def proficiency(
     values: ArrayLike, mark: float, *, better: Better, in_a_row: int = IN_A_ROW, left: Sequence[int] = ()
 ) -> Proficiency:
-    """Count a person's passes, and find the cut that completes the wanted number of passes in a row.
+    """Count a person's passes, and find the cut that completes proficiency.
 
     Parameters
     ----------
@@ -276,7 +276,7 @@ def _check_contrast(failing: Array, passing: Array, sign: float) -> None:
 
 
 def _curves(values: Array, rng: np.random.Generator) -> NormalCurve:
-    """Return curves of the people (first) and of their resamples; NaN where a group is too small for one."""
+    """Return normal curves of people (first) and resamples, else NaN."""
     n = len(values)
     if n < FEWEST_PEOPLE:
         mean = float(values.mean()) if n else np.nan
@@ -299,7 +299,10 @@ def _marks(method: Method, curves: Sequence[NormalCurve], sign: float, spread: f
 
 
 def _errors(values: Array, curve: NormalCurve, mark: float, sign: float, wrong: float) -> ErrorRate:
-    """Return a group's errors at this very mark; ``wrong`` is 1 if the group errs by passing, -1 if by failing."""
+    """Return a group's error rate at a mark.
+
+    ``wrong`` is 1 if the group errs by passing, -1 if by failing.
+    """
     passed = passes(values, mark, "higher" if sign > 0.0 else "lower")
     observed = int(passed.sum()) if wrong > 0.0 else len(values) - int(passed.sum())
     shares = np.asarray(norm.sf(wrong * sign * (mark - curve.mean) / curve.sd))
@@ -331,7 +334,7 @@ class ValidityEvidence:
 
 
 def validity_evidence(setting: StandardSetting) -> tuple[ValidityEvidence, ...]:
-    """Return what a class shows for each of Messick's sources of validity, by its first metric.
+    """Return evidence for each of Messick's sources of validity.
 
     Messick, American Psychologist 50 (1995) 741-749, doi 10.1037/0003-066X.50.9.741. Evidence is no verdict: whether it
     is enough for a use is for the people who use it to judge.
@@ -658,7 +661,7 @@ class StandardSetting(StudiedPeople):
 
 
 def check_metrics(names: Sequence[str]) -> None:
-    """Raise ValueError if one of the names is no metric, or one of which neither way is better."""
+    """Raise ValueError for names of no metric, or without direction."""
     rewarded = (OVERALL, *(name for name, metric in METRICS.items() if metric.direction != "none"))
     for name in names:
         if name in METRICS and name not in rewarded:
@@ -667,7 +670,7 @@ def check_metrics(names: Sequence[str]) -> None:
 
 
 def other_group(groups: Sequence[str], passing: str | None, failing: str | None) -> str | None:
-    """Return the group that is not to pass: the one named, or of two groups the other; None if there is one group.
+    """Return the non-passing group, named or the other of two.
 
     Raises
     ------
@@ -691,7 +694,10 @@ def other_group(groups: Sequence[str], passing: str | None, failing: str | None)
 
 
 def as_shown(metric: str, values: Array, mark: float) -> tuple[Array, float]:
-    """Return values and mark as people are shown them: whole scores, and their mark with one decimal."""
+    """Return values and mark as shown to people, rounded.
+
+    Scores are whole, and their mark has one decimal.
+    """
     if metric != OVERALL:
         return values, mark
     return np.array([whole_score(value) for value in values.tolist()], np.float64), round(mark, 1)

@@ -1,4 +1,4 @@
-"""Reliability of a metric between people, and agreement of raters.
+"""Reliability of a metric, and agreement of raters.
 
 Reliability (ICC) is the spread of a metric between people against the spread between the cuts of one person. Marks of
 raters, any number of them and on any scale, are compared with a metric and with each other.
@@ -32,7 +32,7 @@ from cutenv.records.scoring.study.estimate import (
 
 @dataclass(frozen=True, kw_only=True)
 class Intraclass:
-    """Intraclass correlations of a full table, each with its interval.
+    """Intraclass correlations of a full table, with intervals.
 
     Notation of McGraw & Wong (1996), then Shrout & Fleiss (1979): ``one_way`` is ICC(1), or ICC(1,1); ``agreement``
     ICC(A,1), or ICC(2,1); ``consistency`` ICC(C,1), or ICC(3,1). Those of means over the k columns end in
@@ -64,7 +64,7 @@ class Intraclass:
 
 @dataclass(frozen=True, kw_only=True)
 class OneWay:
-    """Reliability by one-way analysis of variance, from people with different numbers of cuts.
+    """Reliability by one-way analysis, with different numbers of cuts.
 
     Attributes
     ----------
@@ -89,7 +89,7 @@ class OneWay:
     within_sd: float
 
     def cuts_for(self, reliability: float = 0.8) -> float:
-        """Return the number of cuts whose mean has a reliability (Spearman-Brown).
+        """Return the number of cuts for a mean's reliability (Spearman-Brown).
 
         Infinite if single cuts have none.
 
@@ -104,7 +104,7 @@ class OneWay:
 
 
 def intraclass_correlation(ratings: ArrayLike, *, confidence: float = CONFIDENCE) -> Intraclass:
-    """Compute intraclass correlations of a complete table, with intervals by the F distribution.
+    """Compute intraclass correlations of a complete table, with F intervals.
 
     Parameters
     ----------
@@ -167,7 +167,9 @@ def intraclass_correlation(ratings: ArrayLike, *, confidence: float = CONFIDENCE
 
 
 def one_way_reliability(series: Sequence[ArrayLike], *, confidence: float = CONFIDENCE) -> OneWay:
-    """Compute the reliability of single cuts and of means, from people with different numbers of cuts.
+    """Compute reliability of single cuts and means.
+
+    People may differ in number of cuts.
 
     Parameters
     ----------
@@ -215,7 +217,7 @@ def one_way_reliability(series: Sequence[ArrayLike], *, confidence: float = CONF
 
 
 def _of_ratio(MSR: float, MSE: float, k: float, F_low: float, F_high: float) -> tuple[Estimate, Estimate]:
-    """Return the correlation of single values and of means from F = MSR/MSE, whose quantiles bound it."""
+    """Return single and mean correlations from F = MSR/MSE and quantiles."""
     single = Estimate(
         value=(MSR - MSE) / (MSR + (k - 1.0) * MSE),
         low=(MSR - F_low * MSE) / (MSR + (k - 1.0) * F_low * MSE),
@@ -248,7 +250,7 @@ def _quantile(p: float, numerator: float, denominator: float) -> float:
 
 
 def _of_mean(rho: float, k: float) -> float:
-    """Return the correlation of means over k from that of single values (Spearman-Brown)."""
+    """Return the mean's correlation over k by Spearman-Brown."""
     return k * rho / (1.0 + (k - 1.0) * rho)
 
 
@@ -284,7 +286,7 @@ class RaterCorrelation:
 
 @dataclass(frozen=True, kw_only=True)
 class RaterAgreement:
-    """Agreement of raters over the cuts that all of them rated.
+    """Agreement of raters over cuts rated by all.
 
     Attributes
     ----------
@@ -315,7 +317,7 @@ def rater_correlation(
     best_mark: Literal["highest", "lowest"] = "highest",
     rng: np.random.Generator,
 ) -> RaterCorrelation:
-    """Compute rank and linear correlation of a metric with marks, with intervals over people.
+    """Compute rank and linear correlation of metric and marks.
 
     Parameters
     ----------
@@ -363,7 +365,7 @@ def rater_correlation(
 
 
 def mean_mark(marks: ArrayLike) -> Array:
-    """Return each cut's mean mark over its raters, who may use different scales.
+    """Return mean marks over raters with different scales.
 
     Parameters
     ----------
@@ -436,7 +438,7 @@ def rater_agreement(marks: ArrayLike, people: Sequence[str], *, rng: np.random.G
 
 
 def _weights(people: Array, rng: np.random.Generator) -> Array:
-    """Return how often each cut counts: once in the first row, and in the others as often as its person is drawn."""
+    """Return cut weights: ones first, then draws of people."""
     names, person = np.unique(people, return_inverse=True)
     count = max(200, min(BOOTSTRAP_SIZE, _LARGEST_TABLE // len(people)))
     drawn = rng.multinomial(len(names), np.full(len(names), 1.0 / len(names)), size=count)
@@ -448,7 +450,7 @@ def _rank_correlation(weights: Array, x: Array, y: Array) -> Array:
 
 
 def _ranks(weights: Array, values: Array) -> Array:
-    """Return the ranks of values within each row's weighted sample, ties by their mean, about zero."""
+    """Return weighted ranks by row about zero, ties averaged."""
     _, place = np.unique(values, return_inverse=True)
     at = np.zeros((len(values), int(place.max()) + 1))
     at[np.arange(len(values)), place] = 1.0
@@ -457,7 +459,7 @@ def _ranks(weights: Array, values: Array) -> Array:
 
 
 def _correlation(weights: Array, x: Array, y: Array) -> Array:
-    """Return the weighted linear correlation of each row; NaN where a row's values are all alike."""
+    """Return weighted linear correlations by row, NaN for constant values."""
     n = weights.sum(axis=1, keepdims=True)
     x, y = (each - (weights * each).sum(axis=1, keepdims=True) / n for each in (x, y))
     xx, yy, xy = ((weights * product).sum(axis=1) for product in (x * x, y * y, x * y))

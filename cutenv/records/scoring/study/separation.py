@@ -103,7 +103,7 @@ def _superiority(a: Array, b: Array, level: float) -> Estimate:
     N = 0.5 * (m + n) - 1.0
 
     def excess(x: float) -> float:
-        """Return the amount by which the estimate deviates from ``x`` more than chance allows if ``x`` is the truth."""
+        """Return the deviation from ``x`` beyond chance."""
         variance = x * (1.0 - x) / (m * n) * (1.0 + N * (1.0 - x) / (2.0 - x) + N * x / (1.0 + x))
         return abs(theta - x) - z * math.sqrt(variance)
 

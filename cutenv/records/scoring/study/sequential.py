@@ -74,7 +74,7 @@ class SequentialQuestion:
 
 
 def log_wealth(differences: Array, mean: float, reach: float | Array) -> Array:
-    """Return the logarithm of the wealth against "the mean is at most ``mean``", after every pair.
+    """Return log wealth by pair against a mean of at most ``mean``.
 
     Parameters
     ----------
@@ -98,10 +98,10 @@ def log_wealth(differences: Array, mean: float, reach: float | Array) -> Array:
 
 
 def sequential_decisions(differences: Array, question: SequentialQuestion, room: float | Array = 0.0) -> Indices:
-    """Return the number in :data:`DECISIONS` of what could be said after every pair, shape (..., n).
+    """Return the decision number in :data:`DECISIONS` after each pair.
 
-    The first that is not 0 is the decision; whoever goes on cutting may find another.  ``room`` is how much farther
-    each difference can reach, see :func:`corrected`.
+    The numbers have shape (..., n). The first that is not 0 is the decision; whoever goes on cutting may find another.
+    ``room`` is how much farther each difference can reach, see :func:`corrected`.
     """
     reach = _checked_reach(differences, question, room)
     refuted = {
@@ -115,7 +115,7 @@ def sequential_decisions(differences: Array, question: SequentialQuestion, room:
 
 
 def stops(said: Indices) -> tuple[Indices, Indices]:
-    """Return the number of pairs after which each study stops, and what is decided; shape (...) each."""
+    """Return each study's stopping pair and decision, shape (...) each."""
     decided = said > 0
     at = np.where(decided.any(axis=-1), np.argmax(decided, axis=-1), said.shape[-1] - 1)
     return at + 1, np.take_along_axis(said, at[..., None], axis=-1)[..., 0]
@@ -124,7 +124,7 @@ def stops(said: Indices) -> tuple[Indices, Indices]:
 def confidence_sequence(
     differences: Array, question: SequentialQuestion, room: float | Array = 0.0
 ) -> tuple[Array, Array]:
-    """Return the ends of the interval of the mean after every pair, shape (n,) each.
+    """Return the mean's interval ends after every pair, shape (n,).
 
     ``room`` is as for :func:`sequential_decisions`.
     """
@@ -136,7 +136,7 @@ def confidence_sequence(
 
 
 def _end(differences: Array, reach: Array, bar: float) -> float:
-    """Return the largest mean that is refuted as an upper bound: wealth falls with the mean, so halve."""
+    """Return the largest mean refuted as an upper bound, by halving."""
     high = float(reach.min())
     low = -high
     for _ in range(_HALVINGS):
@@ -158,12 +158,13 @@ def _checked_reach(differences: Array, question: SequentialQuestion, room: float
 
 
 def corrected(differences: Array, covariates: Array) -> tuple[Array, Array]:
-    """Return differences less what a covariate explains, by a coefficient from earlier pairs alone, and their room.
+    """Return differences less a covariate's part, and their room.
 
-    A fair coin must give the covariate its sign after its size is fixed: two cuts lie beside each other, the coin says
-    which policy cuts where, and the covariate is what a forecast that does not know of the coin says of the first
-    policy's place less that of the other's.  Then its mean is zero given all that went before, whatever the forecast
-    is worth, and so the mean of a difference stays what it was: a bad forecast costs pairs, never validity.
+    The coefficient is from earlier pairs alone. A fair coin must give the covariate its sign after its size is fixed:
+    two cuts lie beside each other, the coin says which policy cuts where, and the covariate is what a forecast that
+    does not know of the coin says of the first policy's place less that of the other's. Then its mean is zero given all
+    that went before, whatever the forecast is worth, and so the mean of a difference stays what it was: a bad forecast
+    costs pairs, never validity.
 
     Parameters
     ----------
@@ -187,7 +188,7 @@ def corrected(differences: Array, covariates: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, kw_only=True)
 class PlannedPairs:
-    """Number of pairs that a question will need, by simulated studies.
+    """Number of pairs for a question, by simulated studies.
 
     Attributes
     ----------
@@ -210,7 +211,10 @@ class PlannedPairs:
 
 
 def fixed_design(sd: float, question: SequentialQuestion, power: float = 0.9) -> int:
-    """Return the pairs with which a t test finds a mean of ``smallest`` with this power, to normal approximation."""
+    """Return a t test's number of pairs, by normal approximation.
+
+    The test finds a mean of ``smallest`` with this power.
+    """
     from scipy.stats import norm
 
     quantiles = float(norm.isf(0.5 * question.error) + norm.ppf(power))
@@ -218,7 +222,7 @@ def fixed_design(sd: float, question: SequentialQuestion, power: float = 0.9) ->
 
 
 def planned_pairs(pilot: Array, question: SequentialQuestion, *, seed: int = 0, studies: int = 400) -> PlannedPairs:
-    """Return how many pairs a question will need, if pairs are like those of a pilot.
+    """Return how many pairs a question needs, by a pilot.
 
     Parameters
     ----------

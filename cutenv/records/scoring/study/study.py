@@ -65,7 +65,7 @@ class StudiedCut:
 
 @dataclass(frozen=True)
 class NotEstimable:
-    """The reason why a statistic cannot be computed from this study."""
+    """Reason why a statistic cannot be computed from a study."""
 
     reason: str
 
@@ -141,7 +141,7 @@ class StudiedPeople:
         return {cut.operator: cut.group for cut in self.cuts}
 
     def _check_cuts(self, what: str, cure: str, who: str = "operator") -> None:
-        """Raise ValueError without cuts, for forces in two units, and for an operator in two groups."""
+        """Raise ValueError for no cuts, mixed force units or mixed groups."""
         if not self.cuts:
             raise ValueError(f"{what} cuts; there is none.")
         units = sorted({cut.card.force_unit for cut in self.cuts})
@@ -156,7 +156,7 @@ class StudiedPeople:
                 )
 
     def _values(self, metric: str, notes: list[str], *, named: bool) -> Array | None:
-        """Return the metric of each cut, NaN where it is missing, which is noted; None if no cut has it.
+        """Return a metric by cut, NaN where missing, or None.
 
         Raises
         ------
@@ -180,7 +180,7 @@ class StudiedPeople:
         return {each: own for each in self.operators if len(own := values[(made_by == each) & there])}
 
     def attempts(self) -> list[tuple[int, StudiedCut | str]]:
-        """Return every cut with its number among its operator's, from 1; of one that was left, its operator's code."""
+        """Return cuts numbered by operator from 1, abandoned ones as operator code."""
         waiting = {operator: list(some) for operator, some in self.left.items()}
         finished, number = Counter[str](), Counter[str]()
         rows: list[tuple[int, StudiedCut | str]] = []
@@ -201,7 +201,7 @@ class StudiedPeople:
         return rows
 
     def _left_note(self) -> list[str]:
-        """Return a note on the cuts that were begun and left, [] without any."""
+        """Return a note on abandoned cuts, or []."""
         told = ", ".join(f"{operator} {len(some)}" for operator, some in self.left.items() if some)
         return [
             f"begun and left: {told}; these cuts have no score, so means and spread are those of the others, and each "
@@ -209,7 +209,7 @@ class StudiedPeople:
         ] * bool(told)
 
     def left_among(self, metric: str) -> dict[str, tuple[int, ...]]:
-        """Return by operator how many of the cuts that have a metric stand before each one that was left."""
+        """Return by operator how many cuts with ``metric`` precede each abandoned one."""
         found = {}
         for operator, some in self.left.items():
             there = [value_of(cut.card, metric)[0] is not None for cut in self.cuts if cut.operator == operator]
@@ -301,7 +301,7 @@ class Study(StudiedPeople):
         return tuple(dict.fromkeys(self.metrics)) or (OVERALL, *leading_metrics(self.cuts))
 
     def _few(self, findings: Sequence[Findings]) -> list[str]:
-        """Return a note on the statistics without an interval, because people are too few for one."""
+        """Return a note on statistics without interval, for few people."""
         groups = max(
             (each.separation.people for each in findings if isinstance(each.separation, Separation)), default=()
         )
@@ -411,7 +411,7 @@ class Study(StudiedPeople):
 
 
 def value_of(card: ScoreCard, metric: str) -> tuple[float | None, str]:
-    """Return the value of a metric or of the overall score, and the reason if there is none."""
+    """Return a metric's or overall score's value, or None with reason."""
     if metric == OVERALL:
         return card.overall_score, card.no_score
     scored = card.metrics[metric]
@@ -419,18 +419,18 @@ def value_of(card: ScoreCard, metric: str) -> tuple[float | None, str]:
 
 
 def direction_of(metric: str) -> Direction:
-    """Return which values of a metric or of the overall score are better."""
+    """Return which values of a metric or score are better."""
     return "higher" if metric == OVERALL else METRICS[metric].direction
 
 
 def leading_metrics(cuts: Sequence[StudiedCut]) -> tuple[str, ...]:
-    """Return the metrics that are studied beside the overall score if none are named."""
+    """Return the metrics studied with the overall score by default."""
     moved = any(cut.card.metrics["idle_time"].value is not None for cut in cuts)
     return STUDIED if moved else tuple(FORCE_WEIGHTS)
 
 
 def if_estimable(function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T | NotEstimable:
-    """Return what a statistic returns, or the reason why these people do not allow it."""
+    """Return a statistic, or why these people do not allow it."""
     try:
         return function(*args, **kwargs)
     except ValueError as error:
@@ -438,7 +438,7 @@ def if_estimable(function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) ->
 
 
 def _pooled(series: Mapping[str, Array]) -> float:
-    """Return the standard deviation of one person's cuts, pooled over people; 0 if there is none."""
+    """Return one person's SD, pooled over people, else 0."""
     degrees = sum(len(values) - 1 for values in series.values())
     squares = sum(float(np.sum((values - values.mean()) ** 2)) for values in series.values())
     return float(np.sqrt(squares / degrees)) if degrees else 0.0
