@@ -32,7 +32,7 @@ _LEAST = 1e-6  # [m]
 def draw_identification(
     path: Path, steps: Sequence[StepResponse], sines: Sequence[StepResponse], *, title: str = ""
 ) -> None:
-    """Write a figure: above, measured responses as dots over the model's lines; below, the model's errors.
+    """Write a figure of measured and modelled responses, above the errors.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def _draw(above: Axes, below: Axes, answers: Sequence[StepResponse]) -> None:
 
 
 def draw_speed(path: Path, found: SpeedTracking, *, title: str = "") -> None:
-    """Write a figure: desired and actual speed, their difference in the steady part, and the force, over time.
+    """Write a figure of desired and actual speed, difference and force.
 
     Parameters
     ----------

@@ -33,7 +33,7 @@ _POINTS = 2500  # points of a line: more than a figure has pixels
 
 
 def speed_figure(tissue: TissueDescription, cuts: Sequence[MeasuredCut], width: float) -> Figure:
-    """Draw the mean modulus of every cut with the spread of its segments against speed, and the fitted lines."""
+    """Draw mean modulus against speed, with spread of segments and fits."""
     figure = new_figure(width, 3.6)
     axes = figure.subplots()
     v = np.linspace(tissue.speed_min, tissue.speed_max, 2)
@@ -68,7 +68,7 @@ def speed_figure(tissue: TissueDescription, cuts: Sequence[MeasuredCut], width: 
 
 
 def resistance_figure(cuts: Sequence[MeasuredCut], width: float) -> Figure:
-    """Draw the fracture resistance of every cut against its length: work over area, and the thesis's formula."""
+    """Draw fracture resistance against length, with the thesis's formula."""
     figure = new_figure(width, 3.4)
     axes = figure.subplots()
     length = [100.0 * cut.fracture.cut_length for cut in cuts]
@@ -86,7 +86,7 @@ def resistance_figure(cuts: Sequence[MeasuredCut], width: float) -> Figure:
 
 
 def overlay_figure(shown: Sequence[tuple[MeasuredCut, LeftOutCut]], model: CutModel, width: float) -> Figure:
-    """Draw the measured force of some cuts, and their ramps as predicted from other cuts."""
+    """Draw measured forces, and ramps predicted from other cuts."""
     figure = new_figure(width, 0.4 + 2.5 * len(shown))
     panels = np.atleast_1d(figure.subplots(len(shown), 1))
     for axes, (cut, left_out) in zip(panels, shown, strict=True):
@@ -122,7 +122,7 @@ def overlay_figure(shown: Sequence[tuple[MeasuredCut, LeftOutCut]], model: CutMo
 
 
 def _shortened(text: str, letters: int) -> str:
-    """Return text shortened to so many letters; an ellipsis marks the omission."""
+    """Return text shortened to so many letters, with an ellipsis."""
     return text if len(text) <= letters else f"{text[: letters - 1]}…"
 
 
@@ -169,7 +169,10 @@ class ValidationCard:
         return self.tissue.calibration
 
     def median_error(self, source: str) -> tuple[float, float] | None:
-        """Return the cuts' median ``own_rmse``, ``same_rmse`` or ``other_rmse`` [N], and in percent of the peak."""
+        """Return a median error [N], and in percent of the peak.
+
+        ``source`` is ``own_rmse``, ``same_rmse`` or ``other_rmse``.
+        """
         pairs = [
             (rmse, each.percent_of_peak(rmse)) for each in self.left_out if (rmse := getattr(each, source)) is not None
         ]
@@ -179,7 +182,7 @@ class ValidationCard:
         return float(newtons), float(percent)
 
     def to_json(self) -> str:
-        """Return the card's content as JSON text; units are in the names."""
+        """Return the card's content as JSON, with units in names."""
         errors = {source: self.median_error(source) for source in ("own_rmse", "same_rmse", "other_rmse")}
         content: dict[str, Any] = {
             "schema": VALIDATION_SCHEMA,
@@ -194,7 +197,7 @@ class ValidationCard:
         return json.dumps(content, indent=1, allow_nan=False)
 
     def row_of(self, cut: MeasuredCut) -> dict[str, Any]:
-        """Return the measurements of one of the cuts; units are in the names."""
+        """Return the measurements of a cut, with units in names."""
         plain = _without_depth(cut, self.model)
         found = len(cut.moduli) > 0
         return {
@@ -216,7 +219,7 @@ class ValidationCard:
         }
 
     def shown(self) -> list[tuple[MeasuredCut, LeftOutCut]]:
-        """Return the cuts to draw: from the best predicted to the worst, evenly spaced."""
+        """Return cuts to draw, evenly spaced from best to worst predicted."""
         by_name = {cut.name: cut for cut in self.cuts}
 
         def error(each: LeftOutCut) -> float:
@@ -231,7 +234,7 @@ class ValidationCard:
 
 
 def write_validation_card(path: Path, card: ValidationCard) -> Path:
-    """Write the card as one self-contained page, and its content as JSON beside it.
+    """Write the card as one self-contained page, and as JSON.
 
     Parameters
     ----------
@@ -268,7 +271,7 @@ def write_validation_card(path: Path, card: ValidationCard) -> Path:
 
 
 def calibration_headline(card: ValidationCard) -> str:
-    """Return a sentence or two on how well cuts are predicted that were left out."""
+    """Return in words how well left-out cuts are predicted."""
     same, other, own = (card.median_error(source) for source in ("same_rmse", "other_rmse", "own_rmse"))
     parts = []
     if same is not None:
@@ -311,7 +314,10 @@ def _values(card: ValidationCard) -> list[tuple[Evidence, str, str, str]]:
 
 
 def _without_depth(cut: MeasuredCut, model: CutModel) -> float | None:
-    """Return the mean modulus as if the depth of cut were the model's thickness, as in Tables 5.1 to 5.5 [Pa]."""
+    """Return the mean modulus [Pa] at the model's thickness.
+
+    As in Tables 5.1 to 5.5, that stands for the depth of cut.
+    """
     found = estimate_local_effective_moduli(
         cut.trace, model, depth_normalised=False, friction_per_depth=0.0, loading_ratio=0.0
     )

@@ -67,7 +67,7 @@ class ComparedOutcome:
 
     @functools.cached_property
     def decision(self) -> tuple[int, SequentialDecision]:
-        """Pairs after which it was first decided, or all, and the decision."""
+        """Pairs up to the first decision, or all, and the decision."""
         if not len(self.differences):
             return 0, "undecided"
         at, said = stops(sequential_decisions(self.differences, self.question, self.room))
@@ -163,7 +163,7 @@ class DecisionReport:
 
 
 def sequence_figure(outcome: ComparedOutcome, width: float) -> Figure:
-    """Draw the mean difference after every pair with its interval, and the band of what does not matter."""
+    """Draw the mean difference after every pair, with the indifference band."""
     figure = new_figure(width, 3.6 if width < PHONE_WIDTH else 3.2)
     axes = figure.subplots()
     plain_axes(axes)
@@ -189,7 +189,9 @@ def _shown(value: object) -> str:
 
 
 def write_decision(folder: Path, report: DecisionReport) -> list[Path]:
-    """Write the page and the raw pairs, as CSV and as Parquet; return the paths.
+    """Write the page and the raw pairs; return the paths.
+
+    The pairs are written as CSV and as Parquet.
 
     Raises
     ------

@@ -57,7 +57,7 @@ _AROUND = 140  # of the blade that is shown to either side [px]
 
 
 def frames_figure(filmed: FilmedDepth, pictures: Mapping[int, NDArray[np.uint8]], width: float) -> Figure:
-    """Draw some frames with strip, surface and exposed blade, or the reason for which one is left out.
+    """Draw frames with strip, surface, exposed blade, or reason of omission.
 
     Parameters
     ----------
@@ -96,7 +96,10 @@ def _draw_frame(axes: Axes, frame: DepthFrame, picture: NDArray[np.uint8]) -> No
 
 
 def depth_figure(trace: Trace, filmed: FilmedDepth, found: RunsAndDrops, width: float) -> Figure:
-    """Draw depth and length along the blade over time with the frames left out, above the force with the runs seen."""
+    """Draw depth and length along the blade above the force.
+
+    It shows the frames left out, and the runs seen.
+    """
     figure = new_figure(width, 5.0)
     depth, force = figure.subplots(2, 1, sharex=True, height_ratios=(1.6, 1.0))
     band: dict[str, Any] = {"color": _SURFACE, "alpha": 0.35, "linewidth": 0.0}
@@ -144,7 +147,7 @@ class FilmedRecord:
 
 
 def write_depth_page(path: Path, record: FilmedRecord) -> None:
-    """Write the page of a filmed cut into a folder that exists.
+    """Write the page of a filmed cut into an existing folder.
 
     Raises
     ------
@@ -266,7 +269,7 @@ class FieldResult:
 
     @property
     def by_force(self) -> MeanModulus:
-        """Mean modulus by force and motion of the blade, over the ramps that the beads measured too."""
+        """Mean modulus by force, over the ramps that beads measured too."""
         return MeanModulus.of(self.measured.by_force[self.image.ramp])
 
     @property
@@ -295,7 +298,7 @@ class FieldResult:
         )
 
     def to_json(self) -> str:
-        """Return the result as JSON text; units are in the names."""
+        """Return the result as JSON, with units in names."""
         field = self.compared
         content: dict[str, Any] = {
             "schema": FIELD_SCHEMA,
@@ -319,7 +322,7 @@ class FieldResult:
 
 
 def write_field_page(path: Path, result: FieldResult) -> Path:
-    """Write the result as one self-contained page, and as JSON beside it.
+    """Write the result as one self-contained page, and as JSON.
 
     Parameters
     ----------
@@ -374,7 +377,10 @@ def _zones(zones: ZoneModuli) -> dict[str, Any]:
 
 
 def moduli_figure(result: FieldResult, width: float) -> Figure:
-    """Draw the modulus of every ramp by force, at its tip, and by image; zones and the value put in as lines."""
+    """Draw every ramp's modulus by force, at its tip, by image.
+
+    Zones and the value put in are lines.
+    """
     tips, image, zones, truth = result.measured.tips, result.image, result.zones, result.truth
     figure = new_figure(width, 3.6)
     axes = figure.subplots()
@@ -399,9 +405,9 @@ def moduli_figure(result: FieldResult, width: float) -> Figure:
 
 
 def bead_map(compared: FieldComparison, width: float) -> Figure:
-    """Draw the beads of the ramp that moved them most, seen from above, and all ramps computed against tracked.
+    """Draw bead displacements of the largest ramp; all ramps computed against tracked.
 
-    Arrows show displacements, enlarged: as tracked, and as computed.
+    The map is seen from above. Arrows show displacements, enlarged: as tracked, and as computed.
     """
     rises = compared.rises
     size = np.linalg.norm(compared.measured, axis=1)

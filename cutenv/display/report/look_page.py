@@ -50,7 +50,7 @@ def record_lines(picture: RecordPicture, width: int, *, braille: bool = True) ->
 
 
 def _curve(time: Array, values: Array, columns: int, rows: int, braille: bool) -> list[str]:
-    """Return the lines of a curve, its greatest and least value in front; every reading sets a dot."""
+    """Return the lines of a curve, with its range in front."""
     across, down = (2, 4) if braille else (1, 1)
     low, high = float(values.min()), float(values.max())
     span = high - low or 1.0
@@ -138,5 +138,5 @@ class UnderstoodFile:
 
 
 def write_look_page(path: Path, files: Sequence[UnderstoodFile]) -> None:
-    """Write the page (.html) of some files; raises as :func:`cutenv.display.report.page.write_page`."""
+    """Write the page of some files; raise as :func:`cutenv.display.report.page.write_page`."""
     write_page(path, "look.html", files=files, record_figure=record_figure)

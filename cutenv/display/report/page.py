@@ -41,9 +41,10 @@ _ESTIMATE = re.compile(r"([-−+<\d., %]+) (\[[-−+<\d., %]+\])")
 
 
 class EmbeddedFigure(NamedTuple):
-    """Figure as an address that holds its drawing, and its size on the page [px], 96 to an inch.
+    """Figure as a data address, with its size on the page [px].
 
-    A drawing has no ground of its own, and a dark page shows it with light and dark exchanged; photos stay as they are.
+    There are 96 px to an inch. A drawing has no ground of its own, and a dark page shows it with light and dark
+    exchanged; photos stay as they are.
     """
 
     address: str
@@ -53,7 +54,7 @@ class EmbeddedFigure(NamedTuple):
 
 
 def write_page(path: Path, template: str | Path, *, language: str = "en", **values: Any) -> None:
-    """Write a page as a whole or not at all.
+    """Write a page atomically, from a template.
 
     Parameters
     ----------
@@ -83,19 +84,19 @@ def write_page(path: Path, template: str | Path, *, language: str = "en", **valu
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a file of text as a whole or not at all."""
+    """Write a file of text atomically."""
     with atomic_write(path) as part:
         part.write_text(text, encoding="utf-8", newline="\n")
 
 
 def write_table(path: Path, rows: Iterable[Sequence[object]]) -> None:
-    """Write rows as CSV, as a whole or not at all: the first names the columns, None is an empty cell."""
+    """Write rows as CSV atomically, column names first; None is empty."""
     with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
         csv.writer(file, lineterminator="\n").writerows(rows)
 
 
 def number(value: float, digits: int) -> str:
-    """Return a number in print typography: a true minus sign, and none before a zero."""
+    """Return a number as printed, with a true minus sign unless zero."""
     shown = f"{value:.{digits}f}"
     if float(shown) == 0.0:
         shown = shown.removeprefix("-")
@@ -103,7 +104,7 @@ def number(value: float, digits: int) -> str:
 
 
 def significant(value: float, digits: int) -> str:
-    """Return so many significant digits in print typography, and those before the point; a zero is "0"."""
+    """Return so many significant digits as printed, and all before the point."""
     return "0" if value == 0.0 else number(value, max(0, digits - 1 - math.floor(math.log10(abs(value)))))
 
 
@@ -113,12 +114,12 @@ def spoken(name: str) -> str:
 
 
 def estimate_text(mean: float, low: float, high: float, digits: int) -> str:
-    """Return a mean with its interval; tables of pages show the interval in small type."""
+    """Return a mean with its interval, small in tables of pages."""
     return f"{number(mean, digits)} [{number(low, digits)}, {number(high, digits)}]"
 
 
 def embedded_figure(figure: Figure) -> EmbeddedFigure:
-    """Return a figure as an address that holds its drawing, for a page."""
+    """Return a figure as a data address for a page."""
     drawing = io.BytesIO()
     kind: Literal["drawing", "photo"] = "photo" if any(axes.images for axes in figure.axes) else "drawing"
     figure.savefig(drawing, format="svg", metadata={"Date": None}, transparent=kind == "drawing")
@@ -128,7 +129,10 @@ def embedded_figure(figure: Figure) -> EmbeddedFigure:
 
 
 def _parted(text: str) -> tuple[str, str]:
-    """Return value and interval of a text such as "-0.5 [-0.6, -0.4]", with minus signs as in print; or text and ""."""
+    """Return value and interval of "-0.5 [-0.6, -0.4]", or text and "".
+
+    Minus signs are as in print.
+    """
     found = _ESTIMATE.fullmatch(text)
     return (found[1].replace("-", "−"), found[2].replace("-", "−")) if found else (text, "")
 
@@ -183,7 +187,7 @@ class Translation:
         return words if found is None else found
 
     def page(self, document: str) -> str:
-        """Return a page with its texts, alternative texts and labels in the language."""
+        """Return a page with texts, alternative texts and labels translated."""
         if self.language == ENGLISH:
             return document
         parts = _TAGS.split(document)
@@ -213,7 +217,7 @@ class Translation:
         return f' {found[1]}="{html.escape(self.text(html.unescape(found[2])))}"'
 
     def _known(self, words: str) -> str | None:
-        """Return words in the language, or None if they are not known."""
+        """Return translated words, or None if they are not known."""
         if date := _DATE.fullmatch(words):
             year, month, day, clock = date.groups()
             return local_date(year, month, day, self.language) + (f", {clock}" if clock else "")
@@ -246,7 +250,7 @@ class Translation:
         return said
 
     def _sentences(self, sentences: list[str]) -> str | None:
-        """Return sentences in the language: as many as possible are taken for one phrase."""
+        """Return translated sentences, as many as possible as one phrase."""
         if len(sentences) < 2:
             return None
         said = []
@@ -270,7 +274,10 @@ class Translation:
         return found
 
     def _phrase(self, words: str) -> str | None:
-        """Return words in the language by the first phrase whose places are known, or else by the first that fits."""
+        """Return words translated by a phrase, best with known places.
+
+        Else by the first phrase that fits.
+        """
         if words in self._phrases:
             return self._phrases[words]
         fits: list[tuple[str, list[str]]] = []
@@ -292,7 +299,7 @@ class Translation:
         return fits[0][0]
 
     def _place(self, words: str) -> str:
-        """Return what stands in a phrase's place: names of people's own choice stay as they are."""
+        """Translate the words in a place of a phrase; keep chosen names."""
         found = self._part(words)
         if found is None and " " in words:
             self.left.append(words)
@@ -300,12 +307,12 @@ class Translation:
 
 
 def in_languages(english: str) -> dict[str, str]:
-    """Return a text in every language of the pages, by language; what has no phrase stays as it is."""
+    """Return a text in every language; unknown text stays English."""
     return {language: translated(english, language) for language in languages()}
 
 
 def translated(english: str, language: str) -> str:
-    """Return a text in a language; what has no phrase stays as it is."""
+    """Return a text in a language; unknown text stays English."""
     translation = _translation(language)
     said = translation.text(english)
     translation.left.clear()  # it lives as long as the server that asks
@@ -318,7 +325,7 @@ def _translation(language: str) -> Translation:
 
 
 def _bold(text: str) -> str:
-    """Return a text with single characters for its tags, which no text of a person holds."""
+    """Return a text with private characters for its bold tags."""
     return text.replace("<b>", _BOLD[0]).replace("</b>", _BOLD[1])
 
 
@@ -329,7 +336,7 @@ def _pattern(phrase: str) -> re.Pattern[str]:
 
 
 def _translated(form: Any, translation: Translation) -> Any:
-    """Return a formatter of ticks that writes what another writes, in the language."""
+    """Return a formatter of ticks that translates another's output."""
     from matplotlib.ticker import Formatter
 
     class Translated(Formatter):
@@ -365,7 +372,7 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def write_figure(path: Path, figure: Figure, title: str = "") -> None:
-    """Write a figure as a whole or not at all, with a title above it; the suffix gives the format (.png)."""
+    """Write a titled figure atomically, in the format of the suffix."""
     if title:
         figure.suptitle(label(title), fontsize=11)
     with atomic_write(path) as part:
@@ -373,12 +380,12 @@ def write_figure(path: Path, figure: Figure, title: str = "") -> None:
 
 
 def label(text: str) -> str:
-    """Return text that matplotlib shows unchanged: a dollar sign starts no formula."""
+    """Return text with escaped dollar signs, which matplotlib shows unchanged."""
     return text.replace("$", r"\$")
 
 
 def plain_axes(axes: Axes, grid: Literal["x", "y"] = "y") -> None:
-    """Remove the box around the drawing, and add faint grid lines across the axis that is read."""
+    """Remove the box around the drawing; add grid lines across an axis."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(axis=grid, color="0.5", alpha=0.25, linewidth=0.8)  # seen on white and on dark ground
     axes.set_axisbelow(True)
@@ -389,12 +396,12 @@ _IDLE_COST = RewardWeights().time
 
 
 def term_meanings() -> dict[str, str]:
-    """Return the title of each term of the reward, of every task."""
+    """Return the title of each reward term, of every task."""
     return {one.name: one.title for one in (*REWARD, *(cost for task in TASKS.values() for cost in task.task.costs))}
 
 
 def further_meanings(scores: Iterable[str]) -> list[tuple[str, str]]:
-    """Return titles and meanings of those of the ``scores`` that a task declares besides gentle cutting."""
+    """Return titles and meanings of scores beyond gentle cutting."""
     declared = {one.name: one.glossary for task in TASKS.values() for one in task.task.errors if one.glossary}
     return [declared[name] for name in scores if name in declared]
 

@@ -1,4 +1,4 @@
-"""Pass marks as text, as files for other programs, and as a page.
+"""Pass marks as text, files for other programs, and a page.
 
 The page has figures: methods side by side, proficiency, raters, and the sources of validity.
 """
@@ -54,7 +54,7 @@ _SMALLEST_SHARE = 0.001  # below it a normal curve of a few people says nothing
 
 
 def method_name(setting: StandardSetting, standard: Standard, method: Method) -> str:
-    """Return a method's name for people, with the name of the group that is to pass."""
+    """Return a method's name, with the group that must pass."""
     if method not in ("expert mean", "expert mean and SD"):
         return method
     name = f"mean of group {setting.passing}" if setting.passing else "mean of the experts"
@@ -63,7 +63,7 @@ def method_name(setting: StandardSetting, standard: Standard, method: Method) ->
 
 
 def mark_text(standard: Standard, mark: Estimate) -> str:
-    """Return a mark with its interval; tables of pages show the interval in small type."""
+    """Return a mark with its interval, small in tables of pages."""
     factor, _ = in_print(standard)
     digits = 1 if standard.metric == "overall_score" else _digits(factor * mark.value)
     shown = number(factor * mark.value, digits)
@@ -78,7 +78,7 @@ def observed_text(rate: ErrorRate) -> str:
 
 
 def theory_text(rate: ErrorRate) -> str:
-    """Return the share of a group's normal curve that is judged wrongly, in percent, with its interval."""
+    """Return the misjudged share of a group's normal curve [%], with interval."""
     if rate.theoretical is None:
         return rate.no_curve if rate.people else ""
     each = rate.theoretical
@@ -94,12 +94,12 @@ def wanted(standard: Standard, value: float) -> str:
 
 
 def proficient(standard: Standard) -> tuple[int, int]:
-    """Return how many people reach proficiency, and how many there are."""
+    """Return the numbers of proficient people and of all."""
     return sum(each.reached_at is not None for each in standard.proficiency.values()), len(standard.series)
 
 
 def pass_mark_lines(setting: StandardSetting) -> list[str]:
-    """Return the main numbers as lines of text: the first metric in full, the others by their mark."""
+    """Return the main numbers as text, the first metric in full."""
     first, *others = setting.standards
     groups = f"; group {setting.passing} is to pass" + (f", group {setting.failing} is not" if setting.failing else "")
     lines = [
@@ -118,7 +118,10 @@ def pass_mark_lines(setting: StandardSetting) -> list[str]:
 
 
 def write_people(path: Path, setting: StandardSetting) -> None:
-    """Write a row for each metric and person as CSV, in SI units: mean, passes, and the cut that reached the goal."""
+    """Write a CSV row for each metric and person, SI units.
+
+    With mean, passes, and the cut that reached the goal.
+    """
     heads = ["operator", "group", "metric", "unit", "mark", "mean"]
     rows: list[list[object]] = [[*heads, "passes", "cuts", "left", "longest_row", "reached_at"]]
     for standard in setting.standards:
@@ -147,7 +150,7 @@ class MarkRow(NamedTuple):
 
 
 def mark_rows(setting: StandardSetting, standard: Standard) -> list[MarkRow]:
-    """Return a row for each method by which a mark was looked for."""
+    """Return a row for each method of finding a mark."""
     rows = []
     for method, found in standard.marks.items():
         name = method_name(setting, standard, method)
@@ -162,7 +165,7 @@ def mark_rows(setting: StandardSetting, standard: Standard) -> list[MarkRow]:
 
 
 def write_pass_marks(path: Path, setting: StandardSetting) -> None:
-    """Write everything that was found as JSON, in SI units; what could not be found is a reason."""
+    """Write all results as JSON in SI units, or the reasons."""
     content = {
         "schema": PASS_MARK_SCHEMA,
         "name": setting.name,
@@ -241,7 +244,7 @@ _LINES = ("-", "--", "-.", ":")
 
 
 def curves_figure(setting: StandardSetting, standard: Standard, width: float) -> Figure:
-    """Draw each person's mean and the normal curve of each group, with the mark of every method."""
+    """Draw people's means, groups' normal curves and the methods' marks."""
     figure = new_figure(width, 3.6 if width < PHONE_WIDTH else 3.3)
     axes = figure.subplots()
     plain_axes(axes, "x")
@@ -293,7 +296,7 @@ def curves_figure(setting: StandardSetting, standard: Standard, width: float) ->
 
 
 def proficiency_figure(setting: StandardSetting, standard: Standard, width: float) -> Figure:
-    """Draw every cut of every person, filled if it passes, and a ring where proficiency is reached."""
+    """Draw every cut, filled if passed, ringed where proficiency is reached."""
     assert isinstance(standard.chosen, PassMark)
     mark = standard.chosen.mark.value
     people = [*standard.series]
@@ -324,7 +327,7 @@ def proficiency_figure(setting: StandardSetting, standard: Standard, width: floa
 
 
 def raters_figure(setting: StandardSetting, standard: Standard, width: float) -> Figure:
-    """Draw a metric of every rated cut against its mark, or the mean mark of several raters."""
+    """Draw a metric of rated cuts against the raters' marks."""
     figure = new_figure(width, 3.4)
     axes = figure.subplots()
     factor, _ = in_print(standard)
@@ -366,7 +369,7 @@ def write_pass_mark_page(
     progress: Callable[[Iterable[Standard]], Iterable[Standard]] = iter,
     language: str = "en",
 ) -> tuple[Path, Path]:
-    """Write pass marks as one self-contained page, every person's row as CSV and all numbers as JSON beside it.
+    """Write a self-contained page, rows of people (CSV), numbers (JSON).
 
     Parameters
     ----------
@@ -420,7 +423,7 @@ def write_pass_mark_page(
 
 
 def pass_mark_headline(setting: StandardSetting) -> str:
-    """Return the mark of the first metric in a sentence or two, with its errors, or why there is none."""
+    """Return the first metric's mark in words, or why none."""
     first = setting.standards[0]
     name = spoken(first.metric).capitalize()
     if isinstance(first.chosen, NotEstimable):
@@ -462,7 +465,7 @@ def _meaning(standard: Standard) -> str:
 
 
 def _marks(setting: StandardSetting, standard: Standard) -> list[tuple[str, list[str], bool]]:
-    """Return every method's name, its row, and whether proficiency goes by it."""
+    """Return methods with names, rows, and whether proficiency uses them."""
     chosen = [found is standard.chosen for found in standard.marks.values()]
     return [
         (row.name, row.cells or ["no evidence", "", "", "", ""], own and row.cells != [])
@@ -471,7 +474,7 @@ def _marks(setting: StandardSetting, standard: Standard) -> list[tuple[str, list
 
 
 def _warnings(standard: Standard) -> list[str]:
-    """Return what a reader of the marks has to know: why one has no value or no interval, and whether groups differ."""
+    """Return warnings: why values or intervals are missing, whether groups differ."""
     notes = (
         f"no evidence: {each.reason}" if isinstance(each, NotEstimable) else each.mark.note
         for each in standard.marks.values()
@@ -506,7 +509,7 @@ def _who_reaches(setting: StandardSetting, standard: Standard) -> str:
 
 
 def _rated(standard: Standard, rater: str) -> list[str]:
-    """Return rank and linear correlation with a rater's marks and the number of cuts, or why there is none."""
+    """Return rank and linear correlation with a rater and cuts, or why none."""
     found = standard.raters[rater]
     if isinstance(found, NotEstimable):
         return [f"no evidence: {found.reason}", "", ""]

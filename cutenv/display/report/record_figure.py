@@ -56,7 +56,7 @@ def draw_cut(path: Path, cut: CutPicture, title: str) -> None:
 
 
 def draw_pictures(path: Path, pictures: Mapping[str, NDArray[np.uint8]]) -> None:
-    """Write pictures of the viewer below each other, each below its title; the suffix of the path gives the format."""
+    """Write titled pictures below each other, in the suffix's format."""
     first = next(iter(pictures.values()))
     height = _WIDE * first.shape[0] / first.shape[1] + 0.3
     figure = new_figure(_WIDE, height * len(pictures))
@@ -99,7 +99,7 @@ def cut_figure(cut: CutPicture, *, width: float = _WIDE, others: Sequence[CutPic
 
 
 def floor_figure(shown: ShownDepth, tip: float, target_length: float, width: float) -> Figure:
-    """Draw one cut from the side, its depth to a scale of its own.
+    """Draw a cut from the side, with depth to its own scale.
 
     Parameters
     ----------
@@ -132,13 +132,13 @@ def floor_figure(shown: ShownDepth, tip: float, target_length: float, width: flo
 
 
 def mean_depth_error_mm(shown: ShownDepth, tip: float) -> float:
-    """Return the mean error of the depth along a cut, up to its tip [m], in millimetres."""
+    """Return the mean depth error up to the tip [m], in millimetres."""
     cut = np.arange(len(shown.floor)) * SPACING <= tip
     return float(1e3 * np.abs(shown.floor - shown.wanted)[cut].mean())
 
 
 def thinned(x: Array, y: Array, points: int = _POINTS) -> tuple[Array, Array]:
-    """Return two of every few points of a line, shapes (n,): the lowest and the highest, so that no peak is lost."""
+    """Return the lowest and highest of every few points, shapes (n,)."""
     stride = -(-2 * len(y) // points)  # rounded up
     if stride <= 2:
         return x, y
@@ -161,12 +161,12 @@ def _set_scales(trace: Axes, motion: Axes, cuts: Sequence[StructArray], target_m
 
 
 def _extremes(cuts: Sequence[StructArray], name: str) -> tuple[float, float]:
-    """Return the least and greatest reading of a field over some cuts."""
+    """Return least and greatest reading of a field over cuts."""
     return min(float(cut[name].min()) for cut in cuts), max(float(cut[name].max()) for cut in cuts)
 
 
 def _draw_force(axes: Axes, readings: StructArray, depth: Array, force_limit_per_depth: float) -> None:
-    """Draw the force over the blade's position, below the force at which the cut would be ended."""
+    """Draw the force over position, below the force that ends cuts."""
     axes.plot(
         *thinned(1e3 * readings["position"], readings["force"]), color=_FORCE, linewidth=0.8, label="measured force"
     )
@@ -188,7 +188,7 @@ def _draw_motion(axes: Axes, readings: StructArray) -> None:
 
 
 def _draw_side(axes: Axes, readings: StructArray, depth: Array) -> None:
-    """Draw the slab from the side: the cut, its uncontrolled parts, and the end position of the blade."""
+    """Draw the slab, cut, uncontrolled parts and blade from the side."""
     along_mm = 1e3 * np.arange(len(depth)) * SPACING
     depth_mm = 1e3 * depth
     tip_mm = 1e3 * float(readings["tip"][-1])
@@ -220,7 +220,7 @@ _NARROWEST = 0.004  # share of the record at which even a flaw of two readings i
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RecordPicture:
-    """Whole record with the cuts and the flaws that were found in it.
+    """Whole record with the cuts and flaws found in it.
 
     Attributes
     ----------
@@ -258,7 +258,7 @@ class RecordPicture:
 
 
 def draw_record(path: Path, picture: RecordPicture, title: str = "") -> None:
-    """Write a picture of a whole record, in the format of the path's suffix (.png), with a title above it.
+    """Write a titled picture of a whole record, in the suffix's format.
 
     Raises
     ------
@@ -269,7 +269,7 @@ def draw_record(path: Path, picture: RecordPicture, title: str = "") -> None:
 
 
 def record_figure(picture: RecordPicture, width: float | None = None) -> Figure:
-    """Draw the figure of :func:`draw_record`: force over time, and position below it if known; width [in]."""
+    """Draw the figure of :func:`draw_record`, force above position; width [in]."""
     record, quiet, cuts, flaws = picture.record, picture.quiet, picture.cuts, picture.flaws
     parts = list(cuts) or [slice(0, len(record))]
     with_position = record.position is not None
@@ -354,7 +354,7 @@ def _mark_flaws(axes: Axes, record: Trace, part: slice, found: Sequence[QualityI
 
 
 def _name_flaws(axes: Axes, record: Trace, part: slice, found: Sequence[QualityIssue]) -> None:
-    """Label kinds of flaws at the foot of the picture, one above the other where they would overlap."""
+    """Label flaws below the picture, stacked where they would overlap."""
     for number, flaw in enumerate(found):
         first, last = (float(record.time[part][row]) for row in flaw.rows)
         axes.text(
@@ -369,7 +369,7 @@ def _name_flaws(axes: Axes, record: Trace, part: slice, found: Sequence[QualityI
 
 
 def _legend(axes: Axes) -> None:
-    """Add a legend with one entry for each kind, above the picture."""
+    """Add a legend with one entry a kind, above the picture."""
     handles, names = axes.get_legend_handles_labels()
     kinds = dict(zip(names, handles, strict=True))
     axes.legend(

@@ -45,7 +45,7 @@ _POINTS = 3000  # points of a line: more than a figure has pixels
 
 
 def score_figure(trace: Trace, card: ScoreCard, target_length: float | None, width: float) -> Figure:
-    """Draw one cut with the content of its card, against position, or against time if that is not known.
+    """Draw one cut with its card, against position or time.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def score_figure(trace: Trace, card: ScoreCard, target_length: float | None, wid
 
 
 def _draw_depth(axes: Axes, found: DepthMap) -> None:
-    """Draw the floor of a cut, the wanted depth and the layer below, the surface on top."""
+    """Draw floor, wanted depth, layer below and surface of a cut."""
     x = 100.0 * found.position
     lowest = float(found.depth.max())
     axes.plot(x, 1e3 * found.depth, color=_SPEED, linewidth=1.4, label="floor of the cut")
@@ -110,7 +110,7 @@ def _draw_depth(axes: Axes, found: DepthMap) -> None:
 
 
 def _draw_path(axes: Axes, found: PathMap) -> None:
-    """Draw the distance of a cut to its line, and how far off a success may be."""
+    """Draw a cut's distance to its line, with the success limit."""
     x = 100.0 * SPACING * np.arange(len(found.aside))
     axes.axhline(0.0, color=_TARGET, linewidth=1.2, linestyle="--", label="line")
     axes.plot(x, 1e3 * found.aside, color=_SPEED, linewidth=1.4, label="cut, left of the line")
@@ -120,7 +120,7 @@ def _draw_path(axes: Axes, found: PathMap) -> None:
 
 
 def summary_figure(cuts: Sequence[tuple[str, ScoreCard]], width: float) -> Figure:
-    """Draw the overall score of many cuts, each with its operator or "", a row for each, filled for a success."""
+    """Draw overall scores of many cuts by operator, filled for success."""
     people = list(dict.fromkeys(operator for operator, _ in cuts))
     figure = new_figure(width, 0.9 + 0.26 * len(people))
     axes = figure.subplots()
@@ -140,12 +140,12 @@ def summary_figure(cuts: Sequence[tuple[str, ScoreCard]], width: float) -> Figur
 
 
 def _places(trace: Trace) -> Array:
-    """Return the abscissa of the force: position of the blade [cm], or time [s]."""
+    """Return the force's abscissa: blade position [cm], or time [s]."""
     return trace.time if trace.position is None else 100.0 * trace.position
 
 
 def _draw_ramps(axes: Axes, trace: Trace, x: Array) -> None:
-    """Draw loading segments; a drop is at the end of each."""
+    """Draw loading segments, each ended by a drop."""
     try:
         segments = loading_segments(trace)
     except ValueError:  # a record too short or too coarse for segments is still drawn
@@ -221,7 +221,7 @@ class ScoredRecord:
 
 
 def write_score_page(path: Path, scored: ScoredRecord, *, language: str = "en") -> Path:
-    """Write the page of one cut, and its card as JSON beside it.
+    """Write the page of one cut, and its card as JSON.
 
     Parameters
     ----------
@@ -269,9 +269,9 @@ def write_score_page(path: Path, scored: ScoredRecord, *, language: str = "en") 
 def write_summary(
     folder: Path, records: Sequence[tuple[ScoredRecord, str]], *, language: str = "en"
 ) -> tuple[Path, Path]:
-    """Write ``scores.csv`` and ``summary.html`` of several cuts, each with its page's name, into a folder.
+    """Write ``scores.csv`` and ``summary.html`` of several cuts into a folder.
 
-    The page is in a language, the table in English.
+    Each cut comes with its page's name. The page is in a language, the table in English.
 
     Returns
     -------
@@ -314,13 +314,13 @@ def write_summary(
 
 
 def _mean(cards: Sequence[ScoreCard], name: str) -> str:
-    """Return the mean of a metric as shown, over the cuts that have it."""
+    """Return the mean of a metric as shown, where available."""
     values = [value for card in cards if (value := card.metrics[name].value) is not None]
     return _digits(shown_unit(cards[0].unit(name)).from_si(sum(values) / len(values))) if values else ""
 
 
 def _origin(trace: Trace) -> str:
-    """Return who made a cut, when and in what, as far as the record tells."""
+    """Return who made a cut, when and in what, if recorded."""
     facts = trace.metadata
     told = [str(facts[key]) for key in ("operator", "date", "specimen", "specimen_class") if facts.get(key)]
     return ", ".join(dict.fromkeys(told)) + "; " if told else ""
@@ -332,13 +332,13 @@ def _column(name: str, card: ScoreCard) -> str:
 
 
 def _handy(card: ScoreCard, name: str) -> tuple[str, str]:
-    """Return value and unit of a metric as shown; "" for a metric that is unavailable."""
+    """Return a metric's shown value and unit, "" if unavailable."""
     value, unit = card.metrics[name].value, shown_unit(card.unit(name))
     return "" if value is None else _digits(unit.from_si(value)), "" if unit.sign == "1" else unit.sign
 
 
 def _digits(value: float) -> str:
-    """Return three significant digits in print typography; a number that is zero up to rounding is zero."""
+    """Return three significant digits as printed; a value that rounds to zero is zero."""
     if abs(value) < 1e-9:
         return "0"
     whole = abs(value) >= 100.0
@@ -355,7 +355,7 @@ _SHARED: dict[str, Any] = {
 
 
 def _shared(cards: Sequence[ScoreCard]) -> dict[str, Any]:
-    """Return the context of a page; depth and path are groups of their own where a card has them."""
+    """Return the context of a page, with groups for depth and path."""
     added = {
         part.capitalize(): tuple(found)
         for part, found in MAP_METRICS.items()

@@ -1,4 +1,4 @@
-"""Study of people as text, as a file of its cards, and as a page.
+"""Study of people as text, as CSV of cards, as page.
 
 The page has figures: separation of groups, reliability of metrics, change from cut to cut.
 """
@@ -62,7 +62,7 @@ _WORDS = (
 
 
 def table_lines(study: Study) -> list[str]:
-    """Return the study's numbers as aligned text: metrics by person, reliability, separation, notes."""
+    """Return a study as aligned text: people, reliability, separation, notes."""
     unknown = shared_reason([found.reliability for found in study.findings])
     lines = [
         f"{study.name}: {count(len(study.cuts), 'cut')} of {count(len(study.operators), study.who)}",
@@ -96,7 +96,7 @@ def table_lines(study: Study) -> list[str]:
 
 
 class CrossoverRow(NamedTuple):
-    """Metric with its unit, its three estimates as text, and whether the difference excludes 0."""
+    """Metric, unit, three estimates as text, whether the difference excludes 0."""
 
     name: str
     cells: list[str]
@@ -104,7 +104,7 @@ class CrossoverRow(NamedTuple):
 
 
 class CrossoverRows(NamedTuple):
-    """Rows of a crossover, the two conditions, and a sentence on the orders."""
+    """Rows of a crossover, its two conditions, and their orders."""
 
     rows: list[CrossoverRow]
     conditions: tuple[str, str]
@@ -112,7 +112,7 @@ class CrossoverRows(NamedTuple):
 
 
 def crossover_rows(study: Study) -> CrossoverRows | None:
-    """Return the crossover of a study as text; None if no cut has a condition, or they are not two."""
+    """Return a crossover as text, None without two conditions."""
     found = crossovers(study)
     conditions = tuple(sorted({cut.condition for cut in study.cuts if cut.condition}))
     if len(conditions) != 2:
@@ -134,7 +134,7 @@ def crossover_rows(study: Study) -> CrossoverRows | None:
 
 
 def crossover_lines(study: Study) -> list[str]:
-    """Return the crossover of a study as aligned text; [] if it has none."""
+    """Return a crossover as aligned text, [] without one."""
     crossed = crossover_rows(study)
     if crossed is None:
         return []
@@ -167,7 +167,7 @@ def _excludes_zero(estimate: Estimate) -> bool:
 
 
 def shared_reason(found: Sequence[object]) -> str:
-    """Return the reason why none of several statistics could be computed, if it is one and the same, else ""."""
+    """Return the common reason why statistics are missing, or ""."""
     reasons = {each.reason if isinstance(each, NotEstimable) else "" for each in found}
     return reasons.pop() if len(reasons) == 1 else ""
 
@@ -178,7 +178,7 @@ def count(number: int, noun: str) -> str:
 
 
 def write_cards(path: Path, study: Study) -> None:
-    """Write a row for each cut: its operator, and every metric; empty where a cut has none, as one that was left."""
+    """Write a CSV row for each cut: operator and available metrics."""
     names = list(study.cuts[0].card.metrics)
     units = {name: study.cuts[0].card.unit(name) for name in names}
     heads = [name if unit == "1" else f"{name}_{_suffix(unit)}" for name, unit in units.items()]
@@ -196,7 +196,7 @@ def write_cards(path: Path, study: Study) -> None:
 
 
 def _suffix(unit: str) -> str:
-    """Return a unit as a part of a name: N/s is N_per_s, in distinction to N s."""
+    """Return a unit for names: N/s is N_per_s, unlike N s."""
     return unit.removeprefix("1").replace("/", "_per_").replace(" ", "_").strip("_")
 
 
@@ -206,23 +206,23 @@ def typeset(unit: str) -> str:
 
 
 def in_print(found: Findings | Standard) -> tuple[float, str]:
-    """Return the factor and the unit in which a metric is shown to people: lengths in mm, pure numbers without unit."""
+    """Return the factor and unit of a metric as shown, such as mm."""
     unit = shown_unit(found.unit)
     return unit.from_si(1.0), "" if unit.sign == "1" else typeset(unit.sign)
 
 
 def amount(found: Findings | Standard, value: float) -> str:
-    """Return a value of a metric with its unit, see :func:`digits_of`."""
+    """Return a metric's value with unit, see :func:`digits_of`."""
     return f"{digits_of(found, value)} {in_print(found)[1]}".rstrip()
 
 
 def digits_of(found: Findings | Standard, value: float) -> str:
-    """Return a value of a metric as people read it: lengths in mm, scores with one decimal."""
+    """Return a metric's value as text: lengths in mm, scores with one decimal."""
     return number(value, 1) if found.metric == "overall_score" else three_digits(in_print(found)[0] * value)
 
 
 def spread(found: Findings) -> tuple[str, str, str]:
-    """Return the mean over people, and standard deviations between and within them as text, "" if not known."""
+    """Return mean, deviations between and within people as text, or ""."""
     mean = digits_of(found, float(np.mean([float(values.mean()) for values in found.series.values()])))
     if isinstance(found.reliability, OneWay):
         told = found.reliability
@@ -231,7 +231,7 @@ def spread(found: Findings) -> tuple[str, str, str]:
 
 
 def cuts_needed(reliability: OneWay) -> str:
-    """Return the number of cuts whose mean would reach a reliability of 0.8, in words if it is out of reach."""
+    """Return the cuts needed for a reliability of 0.8, as text."""
     cuts = reliability.cuts_for(0.8)
     if math.isinf(cuts):
         return "none will do"
@@ -239,7 +239,7 @@ def cuts_needed(reliability: OneWay) -> str:
 
 
 def statistic_cells(found: OneWay | Separation | Intraclass | NotEstimable) -> list[str]:
-    """Return the estimates of a statistic as text, or the reason why there are none.
+    """Return a statistic's estimates as text, or why there are none.
 
     Of reliability the correlation of one cut, of the mean, and the cuts needed for 0.8; of a separation superiority and
     difference; of sessions agreement and consistency.
@@ -259,19 +259,19 @@ def in_columns(cells: Sequence[str], widths: Sequence[int] = (21, 0)) -> str:
 
 
 def correlation(value: float) -> str:
-    """Return a correlation as text; those of means have no lower bound, and values below -1 have no meaning."""
+    """Return a correlation as text; a value below -1 becomes "< -1"."""
     return f"< {number(-1.0, 0)}" if value < -1.0 else number(value, 2)
 
 
 def correlation_text(each: Estimate) -> str:
-    """Return a correlation as text, with its interval if there is one."""
+    """Return a correlation as text, with any interval."""
     if each.low is None or each.high is None:
         return correlation(each.value)
     return f"{correlation(each.value)} [{correlation(each.low)}, {correlation(each.high)}]"
 
 
 def interval_text(each: Estimate) -> str:
-    """Return a value as text, with its interval if there is one."""
+    """Return a value as text, with any interval."""
     if each.low is None or each.high is None:
         return number(each.value, 2)
     return estimate_text(each.value, each.low, each.high, 2)
@@ -288,7 +288,7 @@ _TARGET = "#6b6b6b"
 
 
 def learning_figure(study: Study, found: Findings, width: float) -> Figure:
-    """Draw a metric by the number of the cut, a line for each operator; below, each one's learning curve CUSUM."""
+    """Draw a metric by cut number and operator, above learning CUSUMs."""
     phone = width < PHONE_WIDTH
     summed = isinstance(found.cusums, Mapping)
     figure = new_figure(width, (5.4 if phone else 5.0) if summed else 3.0)
@@ -344,7 +344,7 @@ def learning_figure(study: Study, found: Findings, width: float) -> Figure:
 
 
 def groups_figure(study: Study, width: float) -> Figure:
-    """Draw the means of people by group, a panel for each metric, with the probability of superiority."""
+    """Draw means by group and metric, with probability of superiority."""
     phone = width < PHONE_WIDTH
     across = 2 if phone else 3
     findings = study.findings
@@ -375,7 +375,7 @@ def groups_figure(study: Study, width: float) -> Figure:
 
 
 def reliability_figure(study: Study, width: float) -> Figure:
-    """Draw the reliability of single cuts, of means and of sessions, with intervals, a row for each metric."""
+    """Draw reliability of cuts, means and sessions, by metric, with intervals."""
     phone = width < PHONE_WIDTH
     findings = [found for found in study.findings if _estimates(found)]
     tall = 0.62 if phone else 0.5
@@ -440,7 +440,7 @@ def write_study(
     progress: Callable[[Iterable[Findings]], Iterable[Findings]] = iter,
     language: str = "en",
 ) -> Path:
-    """Write a study as one self-contained page, and every card as a row of a CSV beside it.
+    """Write a study as one self-contained page, its cards as CSV.
 
     Parameters
     ----------
@@ -499,7 +499,7 @@ def write_study(
 
 
 def study_headline(study: Study) -> str:
-    """Return the result for these people in a sentence or two, including what is open."""
+    """Return the study's result in words, with what is open."""
     said = []
     separated = [each for each in study.findings if isinstance(each.separation, Separation)]
     if separated and study.groups is not None:
@@ -556,7 +556,7 @@ def _means_and_spread(study: Study, groups: Sequence[str], found: Findings) -> l
 
 
 def _people(study: Study, found: Findings) -> list[tuple[str, list[str]]]:
-    """Return every person's name and row: group, cuts, mean, SD, first, last, and the cuts at which the sums signal."""
+    """Return rows by person: group, cuts, mean, SD, first, last, signals."""
     sums = found.cusums if isinstance(found.cusums, Mapping) else {}
     rows = []
     for operator, values in found.series.items():
@@ -611,7 +611,7 @@ def _value_alone(told: Separation | NotEstimable) -> bool:
 
 
 def _larger(apart: list[Findings], group: str, is_first: bool) -> str:
-    """Return a sentence that names the metrics that are larger in a group; "" if there are none."""
+    """Return a sentence on metrics larger in a group, or ""."""
     names = [
         spoken(each.metric)
         for each in apart

@@ -1,4 +1,4 @@
-"""Sheet of each trainee of a study, and the class's list.
+"""Sheet of each trainee of a study, and class list.
 
 A sheet is a page to print and hand out.
 """
@@ -28,7 +28,7 @@ _FEWEST_OF_CLASS = 3  # people whose mean shows nobody
 def write_trainee_sheet(
     folder: Path, study: Study, operator: str, *, mark: float | None = None, language: str = "en"
 ) -> Path:
-    """Write the sheet of one person: history, learning curve, and what to try next.
+    """Write a person's sheet: history, learning curve, what to try next.
 
     Parameters
     ----------
@@ -88,7 +88,9 @@ def write_trainee_sheet(
 def write_class_list(
     folder: Path, study: Study, *, mark: float | None = None, language: str = "en"
 ) -> tuple[Path, Path]:
-    """Write the list of the class as ``class.html``, in a language, and ``class.csv``, in English, into a folder.
+    """Write the class list as ``class.html`` and ``class.csv`` into a folder.
+
+    The CSV is in English.
 
     Returns
     -------
@@ -113,7 +115,10 @@ def write_class_list(
 
 
 def sheet_figure(study: Study, operator: str, mark: float | None, width: float) -> Figure:
-    """Draw the score of one person's cuts, filled where a cut succeeded, above the mean of the class and the mark."""
+    """Draw one person's scores above class mean and mark.
+
+    Marks of successful cuts are filled.
+    """
     own = [cut.card for cut in study.cuts if cut.operator == operator]
     figure = new_figure(width, 2.6)
     axes = figure.subplots()
@@ -141,12 +146,12 @@ def sheet_figure(study: Study, operator: str, mark: float | None, width: float) 
 
 
 def _attempts(study: Study, operator: str) -> list[tuple[int, StudiedCut | str]]:
-    """Return a person's cuts with their numbers, those that were begun and left among them as the person's code."""
+    """Return a person's numbered cuts; for an abandoned cut, the person's code."""
     return [(k, cut) for k, cut in study.attempts() if operator == (cut if isinstance(cut, str) else cut.operator)]
 
 
 def _by_number(study: Study) -> list[float]:
-    """Return the mean score by the number of the cut, as far as enough people made it."""
+    """Return mean scores by cut number, where enough people made it."""
     means: list[float] = []
     rows = [
         [None if isinstance(cut, str) else cut.card.overall_score for _, cut in _attempts(study, each)]
@@ -194,13 +199,16 @@ def _passes(study: Study, operator: str, scores: Sequence[float], mark: float | 
 
 
 def _proficiency(study: Study, operator: str, scores: Sequence[float], mark: float) -> Proficiency:
-    """Return a person's passes by the whole scores that stand on the page; a cut that was left passes none."""
+    """Return a person's passes by the rounded scores on the page.
+
+    A cut that was left passes none.
+    """
     left = study.left_among(OVERALL).get(operator, ())
     return proficiency([whole_score(score) for score in scores], mark, better="higher", left=left)
 
 
 def _row(study: Study, operator: str, mark: float | None) -> dict[str, Any]:
-    """Return a person's row of the class list: text by heading."""
+    """Return a person's class-list row: text by heading."""
     cards = [cut.card for cut in study.cuts if cut.operator == operator]
     scores = [card.overall_score for card in cards if card.overall_score is not None]
     row: dict[str, Any] = {study.who: operator}

@@ -39,7 +39,7 @@ _SHOWN_COST = 5e-4  # a smaller one is a bar without length
 
 
 def write_training_page(path: Path, result: TrainingResult) -> None:
-    """Write the page of a training run as one self-contained file.
+    """Write a training run's page as one self-contained file.
 
     Parameters
     ----------
@@ -83,10 +83,11 @@ def write_training_page(path: Path, result: TrainingResult) -> None:
 
 
 def training_headline(result: TrainingResult) -> tuple[str, str, str]:
-    """Return whether the agent beats the scripts: a class (good, bad, open), a few words, and sentences.
+    """Return whether the agent beats the scripts: class, words, sentences.
 
-    The paired difference of return decides, and only if its 95 % interval excludes 0.  An agent that does not beat the
-    script which taught it may still beat all others: then this comes first, and the comparison with its teacher second.
+    The class is good, bad or open. The paired difference of return decides, and only if its 95 % interval excludes 0.
+    An agent that does not beat the script which taught it may still beat all others: then this comes first, and the
+    comparison with its teacher second.
     """
     best, rival = result.best_script, result.rival_script
     tried = f"Over {_difference(result, best)['cuts']:.0f} held-out specimens of class {result.facts[SPECIMEN_CLASS]}, "
@@ -118,7 +119,7 @@ def _outcome(difference: Mapping[str, Any]) -> str:
 
 
 def _compared(result: TrainingResult, script: str) -> str:
-    """Return the paired differences of return and success from a script, in words."""
+    """Return paired differences from a script in words: return, success."""
     difference = _difference(result, script)
     mean, low, high = (float(difference[name]) for name in ("mean", "low_95", "high_95"))
     words = {
@@ -130,13 +131,13 @@ def _compared(result: TrainingResult, script: str) -> str:
 
 
 def _interval(mean: float, low: float, high: float) -> str:
-    """Return a paired difference in words, with as many digits as keep the interval's ends apart from 0."""
+    """Return a paired difference in words, its interval's ends distinct from 0."""
     digits = next((n for n in range(2, 7) if all(round(end, n) for end in (low, high) if end)), 7)
     return f"{number(mean, digits)} (95\u00a0% interval {number(low, digits)} to {number(high, digits)})"
 
 
 def _succeeded(result: TrainingResult, script: str) -> str:
-    """Return how much more or less often the agent succeeds than a script, where that is known."""
+    """Return in words how success differs from a script's, if known."""
     difference = result.difference(script, "success")
     if difference is None:
         return ""
@@ -147,7 +148,7 @@ def _succeeded(result: TrainingResult, script: str) -> str:
 
 
 def _left(result: TrainingResult) -> str:
-    """Return a sentence on the gap to the bound; "" without a bound."""
+    """Return a sentence on the gap to any bound."""
     if result.bound is None:
         return ""
     own, most = (float(result.score(policy, "return")["mean"]) for policy in (result.agent, result.bound))
@@ -158,7 +159,7 @@ def _left(result: TrainingResult) -> str:
 
 
 def _stronger_scripts(result: TrainingResult) -> list[str]:
-    """Return other policies that got more than the script named in the headline."""
+    """Return policies that got more than the headline's script."""
     others = [policy for policy in result.policies if result.role(policy) == "other"]
     least = result.score(result.best_script, "return")["mean"]
     return [policy for policy in others if result.score(policy, "return")["mean"] > least]
@@ -169,7 +170,7 @@ def _heads(columns: Sequence[Score]) -> list[str | tuple[str, str]]:
 
 
 def _shown(row_of: Callable[[str, str], Mapping[str, Any] | None], policy: str, columns: Sequence[Score]) -> list[str]:
-    """Return a policy's means with their intervals, or a dash where a score has none."""
+    """Return a policy's means with intervals, or dashes."""
     cells = []
     for column in columns:
         row = row_of(policy, column.name)
@@ -188,7 +189,7 @@ def _decision(result: TrainingResult, baseline: str) -> str:
 
 
 def _costs(result: TrainingResult) -> dict[str, Any]:
-    """Return the terms of the reward that cost something, the largest first, their bars, and all terms as numbers."""
+    """Return the reward's costs, largest first, with bars, and all terms."""
     policies = result.compared()
     costs = [term for term in result.terms() if term not in GAINS]
     largest = {term: max(result.bar(policy, f"reward_{term}", -1.0).mean for policy in policies) for term in costs}
@@ -208,13 +209,13 @@ def _costs(result: TrainingResult) -> dict[str, Any]:
 
 
 def _title(term: str) -> str:
-    """Return what a term of the reward is called on pages."""
+    """Return the title of a reward term on pages."""
     title: str = term_meanings()[term]
     return title
 
 
 def grid_shade(means: Sequence[float], mean: float) -> str:
-    """Return the colours of a cell among those of all cells, as a style."""
+    """Return a cell's colours among all cells, as a style."""
     lowest, best = min(means), max(means)
     share = (mean - lowest) / (best - lowest) if best > lowest else 0.0
     colour = [round(pale + share * (deep - pale)) for pale, deep in zip(_PALE, _DEEP, strict=True)]
@@ -223,6 +224,6 @@ def grid_shade(means: Sequence[float], mean: float) -> str:
 
 
 def _luminance(colour: Sequence[int]) -> float:
-    """Return the relative luminance of an sRGB colour, as defined by WCAG 2."""
+    """Return the relative luminance of an sRGB colour by WCAG 2."""
     linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in (v / 255.0 for v in colour)]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]

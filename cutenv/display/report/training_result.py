@@ -51,7 +51,7 @@ class Score:
 
     @property
     def factor(self) -> float:
-        """Number of the column's unit in one of the data's: a share is shown in percent."""
+        """Factor from the data's unit to the one shown, such as percent."""
         return 100.0 if self.unit in ("%", "percentage points") else 1.0
 
 
@@ -74,7 +74,7 @@ DIFFERENCES = (
 
 
 def columns_of(task: RegisteredTask) -> tuple[Score, ...]:
-    """Return the scores of the comparison on another task than gentle cutting, in their order."""
+    """Return the scores compared on another task than gentle cutting."""
     return (*COLUMNS[:2], *(Score(*error) for error in task.errors), *COLUMNS[2:5])
 
 
@@ -255,7 +255,7 @@ class TrainingResult:
         return float(self.score(policy, "return")["mean"])
 
     def score(self, policy: str, name: str) -> Mapping[str, Any]:
-        """Return the row of the summary for a policy and a score."""
+        """Return the summary's row for a policy and a score."""
         found = (row for row in self.summary if (row["policy"], row["score"]) == (policy, name))
         row = next(found, None)
         if row is None:
@@ -263,7 +263,7 @@ class TrainingResult:
         return row
 
     def difference(self, baseline: str, name: str) -> Mapping[str, Any] | None:
-        """Return the row of the differences for a baseline and a score, or None."""
+        """Return the row of differences for a baseline and score, or None."""
         found = (row for row in self.differences if (row["baseline"], row["score"]) == (baseline, name))
         return next(found, None)
 
@@ -272,23 +272,26 @@ class TrainingResult:
         return {self.bound: "bound", self.best_script: "script", self.agent: "agent"}.get(policy, "other")
 
     def bar(self, policy: str, name: str, sign: float = 1.0) -> Bar:
-        """Return a score with its interval for the figures; ``sign`` -1 turns a reward's term into a cost."""
+        """Return a score with interval for figures; ``sign`` -1 gives costs."""
         row = self.score(policy, name)
         low, high = sorted((sign * row["low_95"], sign * row["high_95"]))
         return Bar(policy, self.role(policy), sign * row["mean"], low, high)
 
     def terms(self) -> list[str]:
-        """Return the reward's terms, in the order of the agent's rows."""
+        """Return the reward's terms, in the agent's order."""
         names = [row["score"] for row in self.summary if row["policy"] == self.agent]
         return [name.removeprefix("reward_") for name in names if name.startswith("reward_")]
 
     def compared(self) -> list[str]:
-        """Return the agent, the best script and, if there is one, the bound."""
+        """Return the agent, the best script and any bound."""
         return [policy for policy in (self.agent, self.best_script, self.bound) if policy is not None]
 
 
 def _check_rows(name: str, rows: Rows, words: Sequence[str], numbers: Sequence[str]) -> None:
-    """Raise an error for no rows, a repeated row, a missing or invalid field, or a mean outside its interval."""
+    """Raise an error for missing, repeated or invalid rows.
+
+    Invalid are bad fields, and a mean outside its interval.
+    """
     if not rows:
         raise ValueError(f"{name} is empty; give its rows.")
     seen = set()
@@ -311,7 +314,10 @@ def _check_rows(name: str, rows: Rows, words: Sequence[str], numbers: Sequence[s
 
 
 def _check_whole(grid: Rows) -> None:
-    """Raise an error for a grid in which a pair of speed and angle is missing or repeated."""
+    """Raise an error for missing or repeated grid cells.
+
+    A cell is a pair of speed and angle.
+    """
     pairs = [(row["speed_cm_s"], row["angle_deg"]) for row in grid]
     for speed in dict.fromkeys(speed for speed, _ in pairs):
         for angle in dict.fromkeys(angle for _, angle in pairs):
@@ -343,7 +349,7 @@ class Bar:
 
 
 def returns_figure(bars: Sequence[Bar], width: float, quantity: str = "return") -> Figure:
-    """Draw dot and interval of every policy's return, in the order given from above, for a width [in]."""
+    """Draw every policy's return with interval, from above; width [in]."""
     phone = width < PHONE_WIDTH
     figure = new_figure(width, 0.75 + (0.5 if phone else 0.36) * len(bars))
     axes = figure.subplots()
@@ -369,7 +375,7 @@ def returns_figure(bars: Sequence[Bar], width: float, quantity: str = "return") 
 
 
 def costs_figure(terms: Sequence[str], policies: Sequence[Sequence[Bar]], width: float) -> Figure:
-    """Draw costs side by side, a group of bars for each term.
+    """Draw costs as bars, grouped by term.
 
     Parameters
     ----------
@@ -400,7 +406,7 @@ def costs_figure(terms: Sequence[str], policies: Sequence[Sequence[Bar]], width:
 
 
 def curve_figure(curve: Sequence[Mapping[str, float]], chosen_at: int | None, width: float) -> Figure:
-    """Draw return and success over the training decisions, and mark the checkpoint that was kept."""
+    """Draw return and success over training decisions, marking the kept checkpoint."""
     from matplotlib.ticker import EngFormatter
 
     phone = width < PHONE_WIDTH
@@ -426,13 +432,13 @@ def curve_figure(curve: Sequence[Mapping[str, float]], chosen_at: int | None, wi
 
 
 def _column(curve: Sequence[Mapping[str, float]], name: str) -> tuple[list[float], list[float]]:
-    """Return decisions and values of a column where it has any."""
+    """Return decisions and values of a column without gaps."""
     rows = [row for row in curve if math.isfinite(row.get(name, math.nan))]
     return [row["decisions"] for row in rows], [row[name] for row in rows]
 
 
 def _plain_from_zero(axes: Axes) -> None:
-    """Draw plain axes that are read across, with a line at zero if there are values on both sides of it."""
+    """Draw plain axes, with a zero line between values of both signs."""
     plain_axes(axes, "x")
     if axes.get_xlim()[0] < 0.0 < axes.get_xlim()[1]:
         axes.axvline(0.0, color="0.6", linewidth=0.8, zorder=0.5)

@@ -75,7 +75,7 @@ class Canvas:
         self.surface.set_clip(None)
 
     def area(self, outline: Points, colour: Colour, border: Colour | None = None, opacity: float = 1.0) -> None:
-        """Fill a polygon, shape (n, 2), with a smooth edge; an ``opacity`` below 1 mixes it with the background."""
+        """Fill a polygon, shape (n, 2), smoothly; ``opacity`` below 1 blends."""
         low = np.floor(outline.min(axis=0))
         size = (np.ceil(outline.max(axis=0)) - low + 1.0).astype(int)
         fine = self._pygame.Surface((_FINER * size).tolist(), self._pygame.SRCALPHA, 32)
@@ -103,7 +103,7 @@ class Canvas:
         self.area(np.concatenate([points + side, (points - side)[::-1]]), colour)
 
     def dashes(self, points: Points, colour: Colour, dash: float = 6.0, width: float = 1.0) -> None:
-        """Draw a dashed line through ``points``, shape (n, 2); dashes and gaps are ``dash`` long [px]."""
+        """Draw a dashed line through ``points``, shape (n, 2); ``dash`` in px."""
         steps = np.hypot(*np.diff(points, axis=0).T)
         run = np.concatenate([[0.0], np.cumsum(steps)])
         for start in np.arange(0.0, run[-1], 2.0 * dash):
@@ -140,7 +140,7 @@ class Canvas:
         upwards: bool = False,
         ground: Colour | None = None,
     ) -> None:
-        """Draw ``words`` in pygame's own font; ``anchor`` names the point of their box that is ``at``."""
+        """Draw ``words``; ``anchor`` names the point of their box at ``at``."""
         lettering = self._lettering(words, size, colour, upwards)
         box = lettering.get_rect(**{anchor: (round(at[0]), round(at[1]))})
         if ground is not None:

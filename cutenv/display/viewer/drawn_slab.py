@@ -17,7 +17,7 @@ from cutenv.sim.tissue.cut_model import CutModel
 
 
 class Slab:
-    """Lattice of a specimen, displaced according to the finite-element model.
+    """Lattice of a specimen, displaced by the finite-element model.
 
     The lattice follows the straight lines between element corners, which include the model's tip. It has two sides,
     left and right of the cut line, where they meet. A place is (across, along) in metres: across from -x to +x, along
@@ -60,12 +60,14 @@ class Slab:
         self._along: Array = self.rest[0, -1, :, 1].copy()
 
     def on_lattice(self, nodal: Array) -> Array:
-        """Interpolate values at the nodes, shape (n_nodes, k), to the lattice, shape (2, n_across, n_along, k)."""
+        """Interpolate nodal values, (n_nodes, k), to (2, n_across, n_along, k)."""
         values: Array = np.asarray(self._from_nodes @ nodal)
         return values.reshape(*self._shape, nodal.shape[1])
 
     def displacement(self, tip: float, lag: float) -> Array:
-        """Return the lattice's displacement for a tip with rest position ``tip`` that the blade holds ``lag`` ahead.
+        """Return the lattice's displacement for a tip held ``lag`` ahead.
+
+        The tip's rest position is ``tip``.
 
         Returns
         -------
@@ -77,7 +79,7 @@ class Slab:
         return self.on_lattice(field[:, :2])
 
     def opened(self, places: Array, tip: float) -> Array:
-        """Return ``places`` of the lattice with the cut drawn open, which is not part of the model: an illustration."""
+        """Return lattice places with the cut drawn open, beyond the model."""
         shift = self._aside(self.rest[..., 0], self.rest[..., 1], tip)
         drawn = places.copy()
         drawn[0, ..., 0] -= shift[0]
@@ -85,7 +87,7 @@ class Slab:
         return drawn
 
     def carried(self, displacement: Array, tip: float, side: Array, places: Array) -> Array:
-        """Return where places of the tissue at rest are drawn: displaced, and the cut open.
+        """Return drawn places of tissue at rest: displaced, cut open.
 
         Parameters
         ----------
@@ -118,12 +120,12 @@ class Slab:
         return drawn
 
     def _aside(self, across: Array, along: Array, tip: float) -> Array:
-        """Return by how much the open cut pushes the tissue aside [m], of the shape of the places."""
+        """Return the open cut's sideways push at each place [m]."""
         away: Array = OPENED_ASIDE({"across": across, "half_width": 0.5 * self.model.width})
         return half_gap(along, tip) * away
 
     def line_across(self, displacement: Array, along: float) -> Array:
-        """Return the places of a straight line across the undisplaced tissue at ``along`` [m], shape (n, 2) [m]."""
+        """Return a displaced line across at ``along`` [m], shape (n, 2) [m]."""
         k = int(np.clip(np.searchsorted(self._along, along), 1, len(self._along) - 1))
         w = (along - self._along[k - 1]) / (self._along[k] - self._along[k - 1])
         places = self.rest + displacement
@@ -139,19 +141,22 @@ def drawn_slab_of(model: CutModel) -> Slab:
 
 
 def half_gap(along: Array, tip: float) -> Array:
-    """Return half the gap [m] of a cut drawn open as an ellipse from the clamp to ``tip`` [m]; zero elsewhere."""
+    """Return half the elliptic gap [m] from clamp to ``tip`` [m].
+
+    It is zero elsewhere.
+    """
     gap: Array = HALF_GAP({"along": along, "tip": max(tip, 0.0)})
     return gap
 
 
 def _interval(lines: Array, places: Array) -> NDArray[np.int64]:
-    """Return the number of the interval between ascending ``lines`` in which each place is."""
+    """Return each place's interval number between ascending ``lines``."""
     found: NDArray[np.int64] = np.clip(np.searchsorted(lines, places, side="right") - 1, 0, len(lines) - 2)
     return found
 
 
 def _lattice(first: int, count: int, subdivisions: int) -> tuple[NDArray[np.int64], Array]:
-    """Return element and place within it (0 to 1) of each lattice line over ``count`` elements from ``first``."""
+    """Return element and place in it (0 to 1) of lattice lines."""
     place = np.arange(count * subdivisions + 1) / subdivisions
     element = np.minimum(place.astype(np.int64), count - 1)
     return first + element, place - element

@@ -64,7 +64,7 @@ class Moment:
 
     @classmethod
     def of(cls, plant: SimulatedPlant, cutting: Episode) -> Moment:
-        """Return the state of a simulated plant and the task that runs on it."""
+        """Return the state of a simulated plant and its task."""
         state, shown = plant.states[0], cutting.shown_depth
         return cls(
             blade=float(state["blade"]),
@@ -86,7 +86,7 @@ class Moment:
 
     @property
     def lag(self) -> float:
-        """Distance by which the blade has carried the tip from its place at rest [m]; zero in the open cut."""
+        """Distance the blade carries the tip [m], zero in open cuts."""
         return max(self.blade - self.tip, 0.0)
 
     def quantities(
@@ -126,19 +126,19 @@ class Moment:
 
     @property
     def conditions(self) -> tuple[str, ...]:
-        """Conditions of parts that hold for a cut whose depth is wanted; empty for others."""
+        """Conditions of parts for cuts with wanted depth, else empty."""
         return () if self.shown_depth is None else ("depth",)
 
     @property
     def depth_at_blade(self) -> float | None:
-        """Depth of the blade's lower end below the wanted floor [m], None where no depth is wanted."""
+        """Depth of the blade below the wanted floor [m], or None."""
         if self.shown_depth is None:
             return None
         return float(depth_below(self.shown_depth.wanted, self.blade)) - self.shown_depth.level
 
     @property
     def verdict(self) -> str:
-        """End of the cut in words, or an empty string while it goes on."""
+        """End of the cut in words, empty before it."""
         if self.end == "finished":
             if self.success:
                 return "finished: success"
@@ -177,15 +177,15 @@ class Layout:
     column: float = 672.0  # of the numbers, from the left
 
     def along(self, along: Any) -> Any:
-        """Return the horizontal position of distances from the clamp [m], in pixels."""
+        """Return horizontal pixels of distances from the clamp [m]."""
         return self.clamp + self.scale * along
 
     def with_depth(self) -> Layout:
-        """Return the layout that shows what is below level 0, for cuts whose depth is wanted."""
+        """Return the layout that also shows depths below level 0."""
         return replace(self, below=self.scale * BELOW)
 
     def place(self, view: str, places: Array, chart: tuple[float, float] = (CHART_FLOOR, CHART_CEILING)) -> Array:
-        """Return the pixels of a view's places, shape (..., 2); ``chart`` is the range of the force chart [N]."""
+        """Return a view's pixels, shape (..., 2); ``chart`` range in N."""
         if view == "above":
             return np.stack([self.along(places[..., 1]), self.cut_line + self.scale * places[..., 0]], axis=-1)
         if view == "side":
@@ -197,7 +197,7 @@ class Layout:
 
 
 class ForceTrace:
-    """Measured force over the position of the blade since the start, as far as it was shown.
+    """Measured force over blade position since the start, as shown.
 
     Attributes
     ----------
@@ -234,12 +234,15 @@ class ForceTrace:
         return np.concatenate(self._parts)
 
     def latest(self) -> Array:
-        """Return (position [m], force [N]) of the last addition, preceded by the sample before it, shape (n, 2)."""
+        """Return the last addition and one sample before, shape (n, 2).
+
+        Columns are position [m] and force [N].
+        """
         return np.concatenate([part[-1:] for part in self._parts[-2:-1]] + self._parts[-1:])
 
 
 def _extremes(force: Array) -> NDArray[np.int64]:
-    """Return the indices of least and greatest of every 20 samples, and of the last one: all that is visible."""
+    """Return indices of extremes of every 20 samples, and the last."""
     kept = {len(force) - 1}
     for start in range(0, len(force), CHART_SAMPLES):
         part = force[start : start + CHART_SAMPLES]
@@ -270,7 +273,7 @@ def _height(heights: Array, along: Any) -> Any:
 
 
 def derived_quantities(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the quantities of a moment with those that the scene derives from them."""
+    """Return a moment's quantities with those derived from them."""
     known = AT_LEVEL_ZERO | {"limited_at": values["depth_at"]} | dict(values)
     for name, formula in _DERIVED.items():
         known[name] = formula(known)
@@ -278,7 +281,10 @@ def derived_quantities(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def rest_places(part: ScenePart, quantities: Mapping[str, Any]) -> tuple[Array, Array]:
-    """Return a part's places, for a carried one in tissue at rest, shape (n, 2); and its points' own numbers."""
+    """Return a part's places, shape (n, 2), and its points' numbers.
+
+    Those of a carried part are in tissue at rest.
+    """
     own = np.array(part.rows, dtype=np.float64)
     values = {**quantities, **dict(zip(part.own, own.T, strict=True))}
     places = [np.broadcast_to(formula(values), len(own)) for formula in part.formulas]

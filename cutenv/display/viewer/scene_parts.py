@@ -52,7 +52,7 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
 
 
 class SceneFormula:
-    """SceneFormula of numbers, names, the four operations, and a few functions.
+    """Formula of numbers, names, the four operations, and some functions.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ class SceneFormula:
         self.tree = _tree(ast.parse(text, mode="eval").body, text)
 
     def __call__(self, values: Mapping[str, Any]) -> Any:
-        """Return the value; names, and functions that are no formula's own, are looked up in ``values``."""
+        """Return the value, with names and further functions from ``values``."""
         return _value(self.tree, values)
 
 
@@ -246,14 +246,14 @@ class ScenePart:
 
 
 class Hatched(NamedTuple):
-    """Length of the clamp's drawn edge [m], and the height of its lower jaw from the side [m]."""
+    """Clamp's edge length [m] and lower jaw's height [m], as drawn."""
 
     length: float = 0.0054
     height: float = 0.012
 
 
 def blade_edge(count: int = 24) -> Array:
-    """Return the edge from the point up, (y, z) [m], shape (count, 2): a quarter ellipse and a line."""
+    """Return the elliptic edge, (y, z) [m], shape (count, 2), from the point."""
     t = np.linspace(0.0, 0.5 * math.pi, count - 1)
     belly = np.stack([-CHORD * (1.0 - np.sin(t)), BELLY * (1.0 - np.cos(t))], axis=-1)
     return np.concatenate([belly, [[0.0, EDGE_END]]])
@@ -444,7 +444,7 @@ def _formula(text: str) -> SceneFormula:
 
 
 def scene_data() -> dict[str, Any]:
-    """Return the description as data for a page: formulas as trees, colours by role for light and dark."""
+    """Return the scene for a page: formulas as trees, colours by role."""
     parts = []
     for part in PARTS:
         told = dataclasses.asdict(part)

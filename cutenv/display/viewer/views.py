@@ -71,7 +71,7 @@ def tint(force: float, quantities: Mapping[str, Any]) -> Colour:
 
 
 def draw_clamp(canvas: Canvas, layout: Layout, width: float) -> None:
-    """Draw the clamp from above and from the side, with its name."""
+    """Draw the clamp in both views, with its name."""
     edge = layout.along(-_CLAMP.length)
     top, bottom = (float(layout.place("above", np.array([sign * width, 0.0]))[1]) for sign in (-0.5, 0.5))
     canvas.hatch(edge, top - 2, layout.clamp, bottom + 2, palette.QUIET)
@@ -97,7 +97,7 @@ def draw_titles(sheet: Sheet, width: float, side_top: float, *, above: str | Non
 
 
 def draw_ruler(canvas: Canvas, layout: Layout, length: float) -> None:
-    """Draw centimetres from the clamp, for both views and the chart."""
+    """Draw centimetres from the clamp, for views and chart."""
     level = layout.blade_end + 3
     for k in range(round(length / RULER_STEP) + 1):
         x = layout.along(k * RULER_STEP)
@@ -118,7 +118,10 @@ def draw_from_above(sheet: Sheet, slab: Slab) -> None:
 
 
 def draw_from_the_side(sheet: Sheet, box: tuple[float, float]) -> None:
-    """Draw the blade at its angle, the target, and the rest; only within ``box``, its upper and its right end [px]."""
+    """Draw blade, target and the rest within ``box`` [px].
+
+    The box gives the upper and the right end.
+    """
     sheet.canvas.clip(0, box[0], box[1], sheet.layout.blade_end + 1)
     draw_parts(sheet, "side")
     sheet.canvas.unclip()
@@ -186,13 +189,13 @@ def _draw_tissue(canvas: Canvas, layout: Layout, tip: float, slab: Slab, displac
 
 
 def draw_tip(canvas: Canvas, at: Points) -> None:
-    """Draw the mark of the crack tip, as in the legend."""
+    """Draw the crack tip's mark, as in the legend."""
     (tip,) = (part for part in PARTS if part.name == "tip")
     canvas.area(at + np.array(tip.mark), palette.TIP, palette.INK)
 
 
 def draw_band(canvas: Canvas, middle: float, half: float, top: float, bottom: float) -> None:
-    """Draw a line with a band around it, as in the legend."""
+    """Draw a line with a band, as in the legend."""
     low, high = middle - half, middle + half
     band = np.array([[low, top], [high, top], [high, bottom], [low, bottom]])
     canvas.area(band, palette.TARGET, opacity=0.3)
@@ -203,7 +206,7 @@ _LINES = 6  # lines of the grid, about
 
 
 def draw_axes(canvas: Canvas, layout: Layout, moment: Moment, trace: ForceTrace) -> None:
-    """Draw the axes, the force limit, and the force above which costs begin; both follow the depth of cut."""
+    """Draw axes, force limit and cost threshold, which follow the depth of cut."""
     left, right = layout.clamp, layout.along(LENGTH)
     canvas.text(WORDS["chart"], (left, layout.chart_top - 11), size=_LETTERS, colour=palette.QUIET)
     canvas.bar(left, layout.chart_top, right, layout.chart_bottom, palette.PANEL)
@@ -216,7 +219,7 @@ def draw_axes(canvas: Canvas, layout: Layout, moment: Moment, trace: ForceTrace)
 
 
 def draw_force(canvas: Canvas, layout: Layout, trace: ForceTrace, force: Points) -> None:
-    """Draw part of the trace: (position of the blade [m], force [N]), shape (n, 2)."""
+    """Draw part of the trace, (position [m], force [N]), shape (n, 2)."""
     if len(force) > 1:
         canvas.line(layout.place("chart", force, trace.range), palette.FORCE)
 
@@ -224,7 +227,7 @@ def draw_force(canvas: Canvas, layout: Layout, trace: ForceTrace, force: Points)
 def draw_present(
     canvas: Canvas, layout: Layout, moment: Moment, trace: ForceTrace, *, force_shown: bool = True
 ) -> None:
-    """Draw the target, and the present force if it is shown."""
+    """Draw the target, and any shown present force."""
     shown = ("force",) if force_shown else ()
     draw_parts(Sheet(canvas, layout, moment.quantities(chart=trace.range), shown), "chart")
 
@@ -239,7 +242,7 @@ _CARRIED = 0.012  # over which the tissue gives way around the tip [m], about th
 
 
 def pixels(layout: Layout, places: Array) -> Array:
-    """Return the pixels of places along and across the slab, to the left [m], shape (n, 2)."""
+    """Return pixels of (along, left) places [m], shape (n, 2)."""
     return layout.place("above", np.stack([-places[..., 1], places[..., 0]], axis=-1))
 
 
@@ -290,7 +293,7 @@ def draw_plan(
 
 
 def _lattice(width: float, length: float) -> list[Array]:
-    """Return lines on the tissue, along and across the slab, each of shape (n, 2) [m]."""
+    """Return lines along and across the slab, shape (n, 2) each [m]."""
     along, across = np.arange(0.0, length + _FINE, _FINE), np.arange(-0.5 * width, 0.5 * width + _FINE, _FINE)
     rows = [np.column_stack((along, np.full(len(along), y))) for y in np.arange(-0.5 * width, 0.5 * width, _MESH)[1:]]
     columns = [np.column_stack((np.full(len(across), x), across)) for x in np.arange(0.0, length, _MESH)[1:]]
@@ -298,7 +301,7 @@ def _lattice(width: float, length: float) -> list[Array]:
 
 
 def _given_way(places: Array, shown: ShownPath) -> Array:
-    """Return places in the tissue at rest where the blade has carried them; the tip is carried to the blade."""
+    """Return places at rest, moved as far as the blade carried them."""
     carried = shown.blade - shown.tip
     if float(carried @ shown.heading) <= 0.0:  # in the open cut the blade carries nothing
         return places
@@ -360,14 +363,14 @@ def draw_numbers(canvas: Canvas, layout: Layout, moment: Moment) -> None:
 def draw_rows(
     canvas: Canvas, layout: Layout, heights: Iterator[float], rows: Sequence[tuple[str, str, Colour]], size: int
 ) -> None:
-    """Draw names and values at these heights [px], one below the other, in the column of the numbers."""
+    """Draw names and values at heights [px] in the number column."""
     for (name, value, colour), y in zip(rows, heights, strict=False):
         canvas.text(name, (layout.column, y), size=_NORMAL, colour=palette.QUIET)
         canvas.text(value, (layout.width - _MARGIN, y), size=size, colour=colour, anchor="midright")
 
 
 def draw_reward(canvas: Canvas, layout: Layout, moment: Moment) -> None:
-    """Draw the return so far and its terms: gains to the right of the line, costs to the left."""
+    """Draw the return and its terms: gains right, costs left."""
     left, right, top = layout.column, layout.width - _MARGIN, _REWARD
     canvas.text("return so far", (left, top), size=_NORMAL, colour=palette.QUIET)
     canvas.text(f"{_rounded(sum(moment.totals.values()), 3):.3f}", (right, top), size=30, anchor="midright")
@@ -384,7 +387,7 @@ def draw_reward(canvas: Canvas, layout: Layout, moment: Moment) -> None:
 
 
 def draw_legend(canvas: Canvas, layout: Layout) -> None:
-    """Draw the legend of the marks and lines in views and chart."""
+    """Draw the legend of marks and lines."""
     left, top = layout.column, _LEGEND
     right, middle = left + len(palette.TISSUE), left + 0.5 * len(palette.TISSUE)
     draw_tip(canvas, np.array([middle, top]))

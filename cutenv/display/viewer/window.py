@@ -47,7 +47,7 @@ def open_display() -> None:
 
 
 def is_seen() -> bool:
-    """Return whether the open display shows its windows to anybody."""
+    """Return whether the display's windows are visible to anybody."""
     seen: bool = import_pygame().display.get_driver() not in _UNSEEN
     return seen
 
@@ -95,19 +95,19 @@ class Window:
         return round(factor * width), round(factor * height)
 
     def _fit(self) -> tuple[float, int, int]:
-        """Return the factor by which pictures are scaled, and where in the window their corner is [px]."""
+        """Return the pictures' scale, and their corner in the window [px]."""
         (across, down), (width, height) = self.size, self._picture
         factor = min(across / width, down / height)
         return factor, round(0.5 * (across - factor * width)), round(0.5 * (down - factor * height))
 
     def show(self, canvas: Canvas) -> None:
-        """Show a canvas, ignoring keys pressed since the last one; do nothing if the window is closed."""
+        """Show a canvas, dropping earlier keys; do nothing if closed."""
         # Take all events, because a full queue would hide the one that closes the window.
         self.take_events()
         self.present(canvas)
 
     def take_events(self) -> list[Any]:
-        """Return pygame's events since the last call; one that asks to close the window closes it, F11 changes it."""
+        """Return new pygame events; a close request closes the window, F11 changes it."""
         events: list[Any] = self._pygame.event.get() if self.open else []
         if any(event.type == self._pygame.QUIT for event in events):
             self.close()
@@ -130,12 +130,12 @@ class Window:
         return size
 
     def in_picture(self, x: float, y: float) -> tuple[float, float]:
-        """Return the place in the picture that a place in the window shows, both in pixels."""
+        """Return the picture's place of a window's place [px]."""
         factor, left, top = self._fit()
         return (x - left) / factor, (y - top) / factor
 
     def present(self, canvas: Canvas) -> None:
-        """Show a canvas and wait until the next is due; do nothing if the window is closed."""
+        """Show a canvas until the next is due; skip if closed."""
         if not self.open:
             return
         screen = self._pygame.display.get_surface()
@@ -161,7 +161,7 @@ _SIDE_HEIGHT = 116  # [px] of the view from the side
 
 
 class CutViewer:
-    """Viewer that draws a simulated cut as an array and, on request, in a window.
+    """Viewer that draws a cut as array or in a window.
 
     From above, the tissue is displaced according to the finite-element model, at one scale with the ruler; the open cut
     is only an illustration. From the side the tissue is at rest, so that the tip and the blade that displaces it are
@@ -241,7 +241,7 @@ class CutViewer:
         return canvas.picture()
 
     def _draw_standing(self, moment: Moment) -> Canvas:
-        """Draw what does not change during a cut; the force is added to it later."""
+        """Draw what is constant during a cut, without force."""
         layout, model = self.layout, self._slab.model
         canvas = Canvas(layout.width, layout.height, palette.PAPER)
         views.draw_clamp(canvas, layout, model.width)

@@ -31,7 +31,7 @@ _LEAST = 0.001  # length of a cut that can be drawn [m]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CurvedCut:
-    """Slab that was cut along any curve, under the force of its blade.
+    """Slab cut along any curve, under its blade's force.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class CurvedCut:
 
     @classmethod
     def of_record(cls, trace: Trace, *, line: CutLine | None = None, target: float | None = None) -> CurvedCut:
-        """Return the slab as a record's blade left it at the end.
+        """Return the slab as a record's blade left it.
 
         The cut is the one that a simulator noted, or the one that mean liver would have behind this blade, as for the
         score; the model is that of a uniform slab.
@@ -132,7 +132,7 @@ _ABOVE = 2.5e-4  # the upper face, at which lines are drawn [m]
 
 
 class CurvedSolid:
-    """Slab that was cut along any curve, as surfaces and lines.
+    """Slab cut along any curve, as surfaces and lines.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ class CurvedSolid:
 
     @cached_property
     def skins(self) -> dict[str, Surface]:
-        """Surfaces by name: top, bottom, rim, and the faces of the cuts."""
+        """Surfaces by name: top, bottom, rim, and cut faces."""
         edges: dict[str, list[Array]] = {"rim": [], "faces": []}
         shared = Counter(key for outline in self._rest for key in _edges(outline))
         joined = Counter(key for outline in self._moved for key in _edges(outline))
@@ -168,19 +168,22 @@ class CurvedSolid:
 
     @cached_property
     def lines(self) -> Array:
-        """Ends of the edges of the elements in the upper face, shape (2 n, 3) [m]."""
+        """Ends of element edges in the upper face, shape (2 n, 3) [m]."""
         ends = np.concatenate([np.stack((m, np.roll(m, -1, axis=0)), axis=1).reshape(-1, 2) for m in self._moved])
         return self._above(ends)
 
     @cached_property
     def wanted(self) -> Array | None:
-        """Ends of the pieces of the line that was to be cut, over the upper face, shape (2 n, 3) [m]; None without."""
+        """Ends of the wanted line's pieces, shape (2 n, 3) [m], or None.
+
+        They lie over the upper face.
+        """
         if self._line is None:
             return None
         return self._above(np.stack((self._line[:-1], self._line[1:]), axis=1).reshape(-1, 2))
 
     def colours(self, surface: Surface) -> Array:
-        """Return the colour of each vertex by the displacement of its place, shape (n, 3), 0 to 1."""
+        """Return vertex colours by displacement, shape (n, 3), 0 to 1."""
         amounts = np.hypot(*(np.concatenate(self._moved) - np.concatenate(self._rest)).T)
         known: dict[tuple[float, ...], float] = {}
         for place, amount in zip(np.concatenate(self._moved), amounts, strict=True):

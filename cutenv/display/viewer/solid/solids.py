@@ -180,7 +180,7 @@ class ShownCut:
         return len(self.time)
 
     def field(self, i: int) -> Array:
-        """Return the displacement of the nodes at an instant [m], shape (n_nodes, dim)."""
+        """Return the nodes' displacement at an instant [m], shape (n_nodes, dim)."""
         a = float(self.tip[i])
         # The tip moves by F/(kappa E B); with E = B = 1 that force is kappa times the shift.
         return self.model.displacement(a, float(self.model.stiffness(a) * self.shift[i]), modulus=1.0, thickness=1.0)
@@ -198,7 +198,7 @@ def _target(trace: Trace, given: float | None) -> float | None:
 
 
 def _of_height(trace: Trace, cut: ScoredCut, shown: Indices) -> dict[str, Any]:
-    """Return what is shown of a record whose blade also moves up and down; nothing of others."""
+    """Return height, floor, wanted depth and layer of a record, if known."""
     if trace.height is None:
         return {}
     # The whole record is shown, also of a cut that did not come to an end.
@@ -241,14 +241,17 @@ class Surface:
 
 
 def grid_faces(rows: int, columns: int) -> Indices:
-    """Return the triangles of a grid of vertices numbered row by row, shape (2 (rows - 1) (columns - 1), 3)."""
+    """Return a vertex grid's triangles, shape (2 (rows - 1) (columns - 1), 3).
+
+    Vertices are numbered row by row.
+    """
     number = np.arange(rows * columns).reshape(rows, columns)
     a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
     return np.concatenate([np.stack([a, b, c], axis=-1), np.stack([a, c, d], axis=-1)]).reshape(-1, 3)
 
 
 def swept(sections: Array) -> Surface:
-    """Return a closed skin around successive sections, with flat ends.
+    """Return a closed skin around sections, with flat ends.
 
     Each quadrangle has its own vertices.
 
@@ -287,7 +290,10 @@ _HANDLE_THICKNESS = 0.0024  # [m]
 
 
 class ScalpelPose(NamedTuple):
-    """Position of the scalpel's origin along the specimen and above its lower face [m], and its angle [rad]."""
+    """Scalpel's origin along and above the specimen [m], and angle [rad].
+
+    The height is above the lower face.
+    """
 
     along: float
     height: float
@@ -295,7 +301,7 @@ class ScalpelPose(NamedTuple):
 
 
 def pose(position: float, angle: float, depth: float, level: float = 0.0) -> ScalpelPose:
-    """Return the pose in which the edge meets the surface at ``position`` and the lowest point is at ``level``.
+    """Return the pose with the edge in the surface at ``position``.
 
     Parameters
     ----------
@@ -336,7 +342,7 @@ def blade() -> Surface:
 
 
 def handle() -> Surface:
-    """Return the lower part of the handle: a neck in the blade's slot, which widens to a flat bevelled bar."""
+    """Return the handle's lower part: a neck and a bevelled bar."""
     middle = -0.5 * CHORD
     thickness = (0.5, 1.0, 1.0, 1.3, 1.3)
     stations = [
@@ -362,7 +368,7 @@ _LINE = 0.6e-3  # thickness of the wanted depth's line [m]
 
 
 def plane_rows(cut: ShownCut, along: Array, surface: Array) -> Array:
-    """Return the rows' points without load, (across, along, up) [m], shape (5, n, 3).
+    """Return unloaded rows, (across, along, up) [m], shape (5, n, 3).
 
     Parameters
     ----------
@@ -463,7 +469,10 @@ class SlabSolid:
 
     @cached_property
     def cut_faces(self) -> Skin:
-        """Return both sides of the cut line, with the parts in order from the clamp on; with height the far one."""
+        """Return both sides of the cut line, ordered from the clamp.
+
+        With height, only the far side.
+        """
         n = self._number
         if self.cut.height is None:
             return self._in_order([n[:, 0, -1, :], n[:, 1, 0, :]])
@@ -499,7 +508,7 @@ class SlabSolid:
         return Skin(points=walls.points, parts=walls.parts[np.argsort(begin, kind="stable")])
 
     def cut_parts(self, i: int) -> int:
-        """Return the number of parts of :attr:`cut_faces` that are cut at an instant; none ahead of the tip."""
+        """Return the number of cut parts of :attr:`cut_faces`."""
         faces = self.cut_faces
         begin = self.rest[faces.points[faces.parts], 1].min(axis=1)
         return int(np.count_nonzero(begin < self.cut.tip[i] - 1e-9))
@@ -516,14 +525,14 @@ class SlabSolid:
 
     @cached_property
     def sheet(self) -> Skin | None:
-        """Return the target as a sheet across the tissue that moves with it; None without a target."""
+        """Return the target as a sheet moving with the tissue, or None."""
         if self._n_sheet == 0:
             return None
         points = 2 * self.n_lattice + np.arange(self._n_sheet)
         return Skin(points=points, parts=grid_faces(2, self._n_sheet // 2))
 
     def displacement(self, i: int) -> Array:
-        """Return the points' displacement at an instant, cut open, (across, along) [m], shape (n_points, 2)."""
+        """Return point displacements, (across, along) [m], shape (n_points, 2), cut open."""
         field = self.slab.on_lattice(self.cut.field(i)[:, :2])
         places = self.slab.rest + field
         layers = [(self.slab.opened(places, tip) - self.slab.rest).reshape(-1, 2) for tip in self.front(i)]
@@ -535,7 +544,10 @@ class SlabSolid:
         return np.concatenate(layers)
 
     def front(self, i: int) -> tuple[float, float]:
-        """Return the end of the cut in the upper and the lower face of the tissue at rest [m]; with height 0 below."""
+        """Return the cut's end in upper and lower face [m].
+
+        That is of tissue at rest; with height 0 below.
+        """
         tip = float(self.cut.tip[i])
         if self.cut.height is not None:
             return tip, 0.0
@@ -543,7 +555,7 @@ class SlabSolid:
         return tip, float(np.clip(tip - reach, 0.0, self.cut.model.length))
 
     def amount(self, i: int, colour: str) -> Array:
-        """Return the quantity that colours the tissue at an instant, at the upper lattice, shape (n_lattice,).
+        """Return the colouring quantity at the upper lattice, shape (n_lattice,).
 
         Parameters
         ----------
@@ -568,7 +580,7 @@ class SlabSolid:
 
 
 def _walls(rows: list[Indices]) -> Skin:
-    """Return walls between the upper and the lower row of points in each of ``rows``, shape (2, n)."""
+    """Return walls between two rows of points each, shape (2, n)."""
     parts, start = [], 0
     for row in rows:
         parts.append(grid_faces(*row.shape) + start)

@@ -48,7 +48,9 @@ _PLANE: dict[str, Rgb] = {
 
 
 def commands(solid: SlabSolid) -> list[bytes]:
-    """Return the commands for all objects of the scene, at rest and at the origin; the page moves them.
+    """Return commands for the scene's objects, at rest and origin.
+
+    The page moves them.
 
     Raises
     ------
@@ -94,7 +96,7 @@ def curved_commands(solid: CurvedSolid) -> list[bytes]:
 
 
 def in_picture(solid: SlabSolid) -> Array:
-    """Return places that the first view must show, shape (n, 3) [m]: corners of specimen and scalpel's range."""
+    """Return corners the first view must show, shape (n, 3) [m]."""
     cut = solid.cut
     low, high = solid.rest.min(axis=0), solid.rest.max(axis=0)
     low -= [_CLAMP_MARGIN, _CLAMP_LENGTH, _JAW]
@@ -109,7 +111,7 @@ def _of(solid: SlabSolid, points: NDArray[np.int64], parts: NDArray[np.int64]) -
 
 
 def _clamp(width: float, bottom: float, edge: float) -> Surface:
-    """Return two jaws and two bolts at the edge where the cut starts, from height ``bottom`` to ``edge`` [m] there."""
+    """Return the clamp's jaws and bolts, from height ``bottom`` to ``edge`` [m]."""
     half = 0.5 * width + _CLAMP_MARGIN
     jaws = [
         box((-half, -_CLAMP_LENGTH, bottom - 0.6 * _JAW), (half, 0.0, bottom + 0.0005)),
@@ -154,7 +156,7 @@ class _Stage:
         self.packed: list[bytes] = []
 
     def surface(self, path: str, surface: Surface, paint: _Paint = _WHITE, *, coloured: bool | Array = False) -> None:
-        """Add triangles; with ``coloured`` each vertex has a colour: those given, or the page's."""
+        """Add triangles; ``coloured`` gives each vertex a colour."""
         own = coloured is not False
         colours = (np.ones_like(surface.vertices) if coloured is True else np.asarray(coloured)) if own else None
         shape = self._geometry.TriangularMeshGeometry(UNITS_PER_METRE * surface.vertices, surface.faces, colours)
@@ -191,7 +193,7 @@ class _Stage:
         self._object(path, self._geometry.LineSegments(shape, material))
 
     def arrow(self, path: str, colour: Rgb) -> None:
-        """Add an arrow: a shaft of unit length around its middle, and a head; both along y."""
+        """Add an arrow along y: centred unit shaft, and head."""
         for part, length, top, bottom in (
             ("shaft", 1.0 / UNITS_PER_METRE, _ARROW_RADIUS, _ARROW_RADIUS),
             ("head", _HEAD_LENGTH, 0.0, _HEAD_RADIUS),
@@ -250,7 +252,7 @@ _HERE = Path(__file__).parent
 
 
 def write_view(path: Path, cut: ShownCut, *, colour: str = "displacement") -> int:
-    """Write the page of a cut, as a whole or not at all.
+    """Write the page of a cut atomically.
 
     Parameters
     ----------
@@ -281,7 +283,7 @@ def write_view(path: Path, cut: ShownCut, *, colour: str = "displacement") -> in
 
 
 def view_page(cut: ShownCut, *, colour: str = "displacement") -> str:
-    """Return the page of a cut as text; equal for equal cuts."""
+    """Return the page of a cut as deterministic text."""
     one_of("colour", colour, COLOURINGS)
     solid = SlabSolid(cut)
     packed = commands(solid)  # a missing meshcat is noticed here, before its files are looked for
@@ -326,7 +328,7 @@ def view_page(cut: ShownCut, *, colour: str = "displacement") -> str:
 
 
 def _told(solid: SlabSolid) -> dict[str, Any]:
-    """Return the data for the page's script, instant by instant; the unit is in every name."""
+    """Return the script's data by instant, with units in names."""
     cut = solid.cut
     depth = cut.depth.at(cut.position)
     height = np.zeros(len(cut)) if cut.height is None else cut.height
@@ -366,13 +368,13 @@ def _told(solid: SlabSolid) -> dict[str, Any]:
 
 
 def _profile(lattice: Array) -> tuple[Array, Array]:
-    """Return positions along the upper face, and its heights there [m]."""
+    """Return positions along the upper face, and heights [m]."""
     along, first = np.unique(lattice[:, 1], return_index=True)
     return along, lattice[first, 2]
 
 
 def _chart(cut: ShownCut) -> dict[str, Any]:
-    """Return the whole record's force over time as points of a line, in the chart's units; height of zero; top [N]."""
+    """Return force points in chart units, zero's height, and top [N]."""
     low, high = min(float(cut.whole_force.min()), 0.0), max(float(cut.whole_force.max()), 0.1)
     borders = np.unique(np.linspace(0, len(cut.whole_force), _BINS + 1).astype(int))
     points = []
@@ -403,7 +405,7 @@ def as_base64(data: bytes) -> str:
 
 
 def digest(code: str) -> str:
-    """Return the digest by which a page's policy admits a script."""
+    """Return the digest by which a page's policy admits scripts."""
     return as_base64(hashlib.sha256(code.encode()).digest())
 
 
@@ -413,7 +415,7 @@ def _rounded(values: Array, digits: int) -> Any:
 
 
 def write_curved_view(path: Path, cut: CurvedCut) -> int:
-    """Write the page of a slab, its cuts and its blade, as a whole or not at all.
+    """Write the page of a slab along a curve atomically.
 
     Parameters
     ----------
