@@ -1,4 +1,4 @@
-"""Commands of ``cutenv``: a module with ``main(argv)`` for each, and the program that chooses among them.
+"""Commands of ``cutenv``: one module with ``main(argv)`` for each.
 
 ``cutenv rig run`` is ``cutenv.commands.rig.run``; :mod:`~cutenv.commands.cli` lists them all with their extras.
 

@@ -1,4 +1,4 @@
-"""Calibrate a tissue for the environments from records of cuts, with a card that shows how far to trust it."""
+"""Calibrate a tissue from records of cuts, with a card on its accuracy."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from cutenv.sim.trace import Trace
 
 @reports_errors("calibrate")
 def main(argv: Sequence[str]) -> int:
-    """Run the command; return 0, or 2 if the records or the options are bad."""
+    """Calibrate; return 0, or 2 on bad input."""
     arguments = _parser().parse_args(argv)
     _check_outputs(arguments)
     check_resamples(arguments.resamples)
@@ -73,7 +73,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def summary(tissue: TissueDescription) -> str:
-    """Return every number of a calibrated tissue with its interval and provenance, as aligned text."""
+    """Return the values of a calibrated tissue with interval and provenance."""
     about = tissue.calibration
     assert about is not None, "made by tissue_of"
     made = f"{about.cuts} {'cut' if about.cuts == 1 else 'cuts'} of "
@@ -89,7 +89,10 @@ def summary(tissue: TissueDescription) -> str:
 
 
 def settings_table(cuts: Sequence[MeasuredCut]) -> str:
-    """Return how modulus and resistance of every setting stand to the reference setting, within specimens, as text."""
+    """Return modulus and resistance relative to the reference setting, as text.
+
+    The ratios are within specimens.
+    """
     lines = []
     for found in compare_settings(cuts):
         lines.append(
@@ -107,7 +110,7 @@ def settings_table(cuts: Sequence[MeasuredCut]) -> str:
 
 
 def differences_in_handling(traces: Sequence[Trace]) -> list[str]:
-    """Return a note for each part of the tissue's handling in which the records differ.
+    """Return notes on differences in tissue handling.
 
     Raises
     ------
@@ -125,7 +128,7 @@ def differences_in_handling(traces: Sequence[Trace]) -> list[str]:
 
 
 def _check_outputs(arguments: argparse.Namespace) -> None:
-    """Raise an error for a path that cannot be written, before any work."""
+    """Refuse output paths that cannot be written."""
     if arguments.out.suffix != ".json":
         raise ValueError(f"--out {arguments.out} must end in .json.")
     if arguments.report is not None and arguments.report.suffix != ".html":

@@ -1,4 +1,4 @@
-"""Check records of force: each fault by its name, with where it is, how sure that is, and its cure."""
+"""Check records of force: each fault with place, certainty and cure."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @reports_errors("check")
 def main(argv: Sequence[str]) -> int:
-    """Run the command; return 0 if all records are sound, 1 if one is not, or 2 if an option or a file is bad."""
+    """Check records; return 0 (sound), 1 (not), 2 (bad input)."""
     arguments = _parser().parse_args(argv)
     from cutenv.commands.inputs import record_files
     from cutenv.records import ColumnMap, RecordError

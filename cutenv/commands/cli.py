@@ -24,7 +24,10 @@ from cutenv._base.resources import described_version
 
 @dataclass(frozen=True)
 class Command:
-    """One command: ``cutenv.commands`` has a module of its name, whose ``main(argv)`` runs it, unless it has parts."""
+    """Command, run by ``main(argv)`` of the module named after it.
+
+    With parts it has sub-commands instead.
+    """
 
     summary: str
     """A line of help."""
@@ -143,7 +146,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def was_interrupted(error: BaseException | None) -> bool:
-    """Return whether an error is a KeyboardInterrupt, or comes from one.
+    """Return whether an error is or comes from a KeyboardInterrupt.
 
     Interrupted while it is imported, a module in C++ (pybind11) raises an ImportError from the KeyboardInterrupt.
     """
@@ -153,12 +156,12 @@ def was_interrupted(error: BaseException | None) -> bool:
 
 
 def module_of(name: str) -> str:
-    """Return the module of a command, such as that of "cutenv rig run" or "cutenv pass-mark"."""
+    """Return a command's module, such as of "cutenv rig run"."""
     return name.replace("cutenv", "cutenv.commands", 1).replace(" ", ".").replace("-", "_")
 
 
 def _chosen(name: str, command: Command, argv: list[str]) -> Command | None:
-    """Return the sub-command that is named first; without any, print the help and return None."""
+    """Return the sub-command named first, else print the help."""
     parser = _GroupParser(name, command)
     if not argv:
         parser.print_help()
@@ -179,7 +182,7 @@ def _run(name: str, command: Command, argv: list[str]) -> int:
 
 
 class _Version(argparse.Action):
-    """Prints the version; git is asked only when that is asked for."""
+    """Option that prints the version, which it asks of git."""
 
     def __call__(self, parser: argparse.ArgumentParser, *given: object) -> None:
         print(f"cutenv {described_version(cutenv.__version__)}")
@@ -187,7 +190,7 @@ class _Version(argparse.Action):
 
 
 class _GroupParser(argparse.ArgumentParser):
-    """Parser of a command with sub-commands: its help is the commonest uses and the list of the sub-commands."""
+    """Parser of a command with sub-commands, listed in its help."""
 
     def __init__(self, name: str, command: Command) -> None:
         super().__init__(prog=name, usage=f"{name} [-h] {'[--version] ' * (command is PROGRAM)}COMMAND ...")

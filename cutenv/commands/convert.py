@@ -1,4 +1,4 @@
-"""Convert records of cuts into one file of another format: CSV, Parquet, HDF5, or MCAP for the tools of ROS.
+"""Convert records of cuts to CSV, Parquet, HDF5, or MCAP for ROS.
 
 Cutenv's own files keep every number, cut and metadata. Files and bags of other programs are read by --map; without
 --cuts each record stays whole and its force as it was.
@@ -16,7 +16,7 @@ from cutenv.commands.options import command_parser, made_place, reports_errors
 
 @reports_errors("convert")
 def main(argv: Sequence[str]) -> int:
-    """Run the command; return 0, or 2 if an option or a record is bad."""
+    """Convert records; return 0, or 2 on bad input."""
     arguments = _parser().parse_args(argv)
     from cutenv.records import ColumnMap, read_record, save
     from cutenv.records.files import check_format

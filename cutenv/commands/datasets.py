@@ -1,8 +1,9 @@
-"""Record cuts as a data set with the force in newtons, of Minari or LeRobot: by a script, an agent or a person.
+"""Record cuts with forces in newtons as a Minari or LeRobot data set.
 
-A policy is named as for 'cutenv evaluate'; records are those of 'cutenv play' or of a rig.  The data set is written
-where Minari keeps them, MINARI_DATASETS_PATH or ~/.minari/datasets, or LeRobot, HF_LEROBOT_HOME; nothing is downloaded
-or sent.  'cutenv train --learner bc --dataset ID' clones the cuts of one in Minari's format.
+The cuts are made by a script, an agent or a person. A policy is named as for 'cutenv evaluate'; records are those of
+'cutenv play' or of a rig.  The data set is written where Minari keeps them, MINARI_DATASETS_PATH or ~/.minari/datasets,
+or LeRobot, HF_LEROBOT_HOME; nothing is downloaded or sent.  'cutenv train --learner bc --dataset ID' clones the cuts of
+one in Minari's format.
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ class Arguments:
 
 @reports_errors("datasets")
 def main(argv: Sequence[str]) -> int:
-    """Write a data set and print its size; 2 if an option or a record is bad."""
+    """Write a data set, print its size; return 2 on bad input."""
     arguments = from_options(Arguments, _parser().parse_args(argv))
     from cutenv.agents.learning.lerobot import lerobot_folder, write_lerobot
     from cutenv.agents.learning.minari_datasets import free_folder, write
@@ -89,7 +90,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def cuts_of(arguments: Arguments) -> tuple[dict[str, Any], list[Demonstration]]:
-    """Return the keyword arguments of the environment, and the cuts, made by a policy or read from records.
+    """Return the environment's keyword arguments, and the cuts.
 
     Raises
     ------

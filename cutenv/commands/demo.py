@@ -1,4 +1,4 @@
-"""Watch a trained agent cut: a shipped policy beside the best script on a few drawn specimens, in half a minute."""
+"""Watch a shipped policy and the best script cut, in half a minute."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _WIDTH = 24  # of the table's first column
 
 @dataclass(frozen=True, kw_only=True)
 class DemoCut:
-    """Scores of one cut, and the data to draw it."""
+    """Scores of one cut, and data to draw it."""
 
     reward: float
     end: str
@@ -62,7 +62,7 @@ class DemoCut:
 
 @reports_errors("demo")
 def main(argv: Sequence[str]) -> int:
-    """Run the command: cut, print the table, write the picture; return 0, or 2 if an option is bad."""
+    """Cut, print a table, write a picture; return 0 or 2."""
     arguments = _parser().parse_args(argv)
     from cutenv.agents.learning.options import class_in_words
     from cutenv.agents.policy import named_policy
@@ -96,7 +96,7 @@ def main(argv: Sequence[str]) -> int:
 
 @dataclass(frozen=True)
 class DemoSpecimens:
-    """Specimens to cut: the first episodes of a seed, and the target length [m], drawn by default."""
+    """First specimens of a seed, with target length [m]."""
 
     drawn: Mapping[str, str]
     """Class and tissue, as keyword arguments of an environment."""
@@ -112,7 +112,7 @@ def demo_cuts(
     title: str = "cutting",
     task: RegisteredTask | None = None,
 ) -> list[DemoCut]:
-    """Cut the specimens, each to its end; ``title`` is the text of the progress bar, and the task gentle cutting."""
+    """Cut each specimen to its end, with a progress bar."""
     from cutenv.task.registry import TASKS
 
     task = task or TASKS["gentle"]
@@ -195,7 +195,7 @@ def _print_row(name: str, own: Sequence[DemoCut], widths: Sequence[int]) -> None
 
 
 def _write(cuts: Mapping[str, DemoCut], arguments: argparse.Namespace) -> None:
-    """Write the first specimen's cuts: a picture of the agent's, or of both from above, and the page in 3-D."""
+    """Write a picture of the first specimen's cuts, and a 3-D page."""
     from cutenv.display.report import CutPicture, draw_cut, draw_pictures
 
     (name, agent), (script_name, script) = cuts.items()

@@ -1,4 +1,7 @@
-"""Measure the depth of cut from video of a marked blade, and put it into the record; or calibrate the camera."""
+"""Measure the depth of cut from video of a marked blade.
+
+Or calibrate the camera. The depth is put into the record.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +28,7 @@ _OF_MEASURING = (*_MEASURING, "tag")
 
 @reports_errors("depth")
 def main(argv: Sequence[str]) -> int:
-    """Run the command; return 0, or 2 if the video, the record, the calibration or the options are bad."""
+    """Measure or calibrate; return 0, or 2 on bad input."""
     arguments = _parser().parse_args(argv)
     wanted, other = (_CALIBRATING, _OF_MEASURING) if arguments.calibrate else (_MEASURING, _OF_CALIBRATION)
     what = "with --calibrate" if arguments.calibrate else "to measure a video"
@@ -128,7 +131,7 @@ def filmed_summary(filmed: FilmedDepth) -> str:
 
 
 def run_summary(found: RunsAndDrops) -> str:
-    """Return how many runs of the crack were seen, and how many of them are drops of the force, as text."""
+    """Return counts of crack runs and of force drops."""
     told = f"runs of the crack: {len(found.runs)} seen; sudden drops of the force: {len(found.drops)}"
     return told + (f"; at the same time: {len(found.pairs)}, F1 {found.f1:.2f}" if found.runs and found.drops else "")
 
@@ -152,7 +155,7 @@ def _record(path: Path) -> Trace:
 def _keeping(
     frames: Iterable[VideoFrame], numbers: Container[int], kept: dict[int, GreyImage], width: int
 ) -> Iterator[VideoFrame]:
-    """Yield all frames, and keep the first camera's images of some numbers."""
+    """Yield all frames, keeping some images of the first camera."""
     for frame in frames:
         if frame.number in numbers:
             kept[frame.number] = frame.image[:, :width]
@@ -160,7 +163,7 @@ def _keeping(
 
 
 def _shown(filmed: FilmedDepth) -> set[int]:
-    """Return the numbers of the frames to draw: three that are used, and the first that was left out."""
+    """Choose frames to draw: three used, the first omitted."""
     used = [frame.number for frame in filmed.frames if frame.blade is not None]
     left_out = [frame.number for frame in filmed.frames if frame.blade is None]
     return {used[len(used) // 8], used[len(used) // 4], used[len(used) // 2], *left_out[:1]}

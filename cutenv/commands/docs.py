@@ -1,6 +1,6 @@
-"""Open the documentation, which comes with the package, in a browser; nothing is fetched from a network.
+"""Open the documentation in a browser, without a network.
 
-Installed from a checkout, the pages are built there first, if MkDocs is installed.
+It comes with the package. Installed from a checkout, the pages are built there first, if MkDocs is installed.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _BUILDING = ("mkdocs", "material", "mkdocstrings", "latex2mathml")
 
 
 def main(argv: Sequence[str]) -> int:
-    """Open the first page or print its path; 1 if the pages are not built, and cannot be."""
+    """Open or print the first page; return 1 without pages."""
     arguments = _parser().parse_args(argv)
     page = built_page() or _build()
     if page is None:
@@ -37,7 +37,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def built_page() -> Path | None:
-    """Return the path of the first page, or None where the pages are not built."""
+    """Return the path of the built first page, or None."""
     try:
         return resources.path(PAGES)
     except FileNotFoundError:
@@ -47,7 +47,7 @@ def built_page() -> Path | None:
 
 
 def checkout() -> Path | None:
-    """Return the checkout that the package is in or was installed from; None if it is not here."""
+    """Return the checkout of the installed package, or None."""
     places = [Path(resources.__file__).resolve().parents[2]]
     try:
         told = json.loads(distribution("cutenv").read_text("direct_url.json") or "{}").get("url", "")
@@ -58,7 +58,7 @@ def checkout() -> Path | None:
 
 
 def _build() -> Path | None:
-    """Build the pages in the checkout; say why not, and return None, if that cannot be."""
+    """Build the pages in the checkout; print why if impossible."""
     source = checkout()
     if source is None:
         print(

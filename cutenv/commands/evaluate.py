@@ -1,4 +1,4 @@
-"""Compare policies on the same held-out specimens: every score of every cut, means and paired differences.
+"""Compare policies on the same held-out specimens: scores, means and paired differences.
 
 A policy is the name of a baseline or of a shipped policy (ppo-free), the folder of a training run or of a policy, which
 holds policy.safetensors and card.json, or a class of your own, MODULE:CLASS. Those of another task than gentle cutting
@@ -35,7 +35,7 @@ _LOOK = 20  # specimens between two looks: a batch costs little more than a cut
 
 @reports_errors("evaluate")
 def main(argv: Sequence[str]) -> int:
-    """Evaluate and print; 2 if an option is bad, 130 after Ctrl-C."""
+    """Evaluate; return 0, 2 on bad input, 130 after Ctrl-C."""
     arguments = _parser().parse_args(argv)
     try:
         _evaluate(arguments) if arguments.report is None else _report(arguments)
@@ -101,7 +101,7 @@ def _evaluate(arguments: argparse.Namespace) -> None:
 def _decide(
     arguments: argparse.Namespace, chosen: dict[str, Contestant], seeds: Sequence[int], drawn: dict[str, Any]
 ) -> None:
-    """Let two policies cut specimen after specimen until it is decided which is better."""
+    """Let two policies cut until the better one is known."""
     import numpy as np
 
     from cutenv.agents.learning.evaluation import evaluate
@@ -155,7 +155,7 @@ _RAW = ("return", "success", "end", "tip_error_mm", "peak_force_N", "time_s")
 
 
 def _report(arguments: argparse.Namespace) -> None:
-    """Evaluate the agent of a finished run with all baselines again, and write its report."""
+    """Evaluate a finished run against all baselines; write its report."""
     from cutenv.agents.learning.training_report import compare
 
     run = arguments.report

@@ -1,4 +1,4 @@
-"""Compare beads tracked in the tissue with the model, and measure the same cut twice: by force and by image."""
+"""Compare tracked beads with the model; measure a cut by force and image."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _CURE = "Write 80mm or 8cm."
 
 @reports_errors("field")
 def main(argv: Sequence[str]) -> int:
-    """Run the command; return 0, or 2 if tracks, record or options are bad."""
+    """Compare and measure; return 0, or 2 on bad input."""
     arguments = _parser().parse_args(argv)
     from cutenv.commands.inputs import chosen_cut, read_records
     from cutenv.display.report.film_pages import FieldResult, write_field_page
@@ -54,7 +54,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _model(arguments: argparse.Namespace) -> CutModel:
-    """Return the model of a slab of the given size, in elements of about 1 cm."""
+    """Return the model of a slab, in elements of about 1 cm."""
     from cutenv.sim.tissue import CutModel
 
     width, length = (length_given(arguments, name, (0.02, 1.0), _CURE) or 0.0 for name in ("width", "length"))

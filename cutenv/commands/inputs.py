@@ -1,4 +1,4 @@
-"""Record files as arguments of a sub-command: native or foreign, checked, with names and specimens."""
+"""Record files as arguments: read, checked, with names and specimens."""
 
 from __future__ import annotations
 
@@ -29,14 +29,17 @@ MAPPED_SUFFIXES = (
 
 
 class Source(NamedTuple):
-    """Source of a cut: the file, and its number there, from 1; None if it is the only one."""
+    """Source of a cut: file, and number from 1.
+
+    The number is None if the cut is the only one.
+    """
 
     path: Path
     number: int | None
 
 
 class LoadedTraces(NamedTuple):
-    """Cuts that were read, those left out with the reason, notes for the reader, and the source of each cut."""
+    """Cuts with their sources, refused records, and notes."""
 
     traces: list[Trace]
     refused: list[RefusedRecord]
@@ -45,7 +48,7 @@ class LoadedTraces(NamedTuple):
 
 
 def read_records(arguments: argparse.Namespace) -> LoadedTraces:
-    """Read all files; the cuts are named after their file.
+    """Read all files; cuts are named after their file.
 
     Raises
     ------
@@ -107,7 +110,9 @@ def read_records(arguments: argparse.Namespace) -> LoadedTraces:
 
 
 def chosen_cut(records: LoadedTraces, number: int | None) -> Trace:
-    """Return the cut with a number from 1 on in its file, by default the first; print a note if there are others.
+    """Return a cut by number from 1, by default the first.
+
+    A note is printed if there are others.
 
     Raises
     ------
@@ -129,7 +134,7 @@ def chosen_cut(records: LoadedTraces, number: int | None) -> Trace:
 
 
 def record_files(arguments: argparse.Namespace) -> list[Path]:
-    """Return the files of ``arguments.records``, with patterns expanded and folders replaced by the records in them.
+    """Return the files of ``arguments.records``, with patterns and folders expanded.
 
     Files of other programs are looked for where there is a mapping, given or kept. The folder of a bag, or of a data
     set of LeRobot, is one record. A table of operators and the command's own output are no records.
@@ -169,14 +174,17 @@ def record_files(arguments: argparse.Namespace) -> list[Path]:
 
 
 def _is_record(path: Path, *, mapped: bool) -> bool:
-    """Return whether something in a folder is a record by its name; other programs' files only if `mapped`."""
+    """Return whether a path's name is that of a record.
+
+    Files of other programs count only if ``mapped``.
+    """
     suffix = Path(path.stem).suffix if mapped and path.suffix.lower() == PACKED else path.suffix
     known = (*SUFFIXES, *MAPPED_SUFFIXES) if mapped else SUFFIXES
     return suffix.lower() in known if path.is_file() else is_record_folder(path)
 
 
 def targets(traces: list[Trace], given: float | None) -> tuple[list[float | None], list[str]]:
-    """Return the target length of each cut [m], and a note on each on which ``--target-length`` has no effect.
+    """Return target lengths [m], and notes on a useless ``--target-length``.
 
     A record's own target is what the cut was aimed at, so the option holds only for records without one.
     """
@@ -194,7 +202,10 @@ def targets(traces: list[Trace], given: float | None) -> tuple[list[float | None
 
 
 def given_mapping(arguments: argparse.Namespace) -> ColumnMap | None:
-    """Return the mapping of the options ``--map`` and ``--unit``, None without; ValueError for ``--unit`` alone."""
+    """Return the mapping of ``--map`` and ``--unit``, or None.
+
+    ValueError for ``--unit`` alone.
+    """
     if arguments.map is None:
         if arguments.unit is not None:
             raise ValueError("--unit goes with --map: cutenv's own files have their units in the header.")
@@ -203,7 +214,7 @@ def given_mapping(arguments: argparse.Namespace) -> ColumnMap | None:
 
 
 def _unmissable(imported: Imported) -> list[str]:
-    """Return what a reader must know of a file of another program: rows left out, and what was assumed."""
+    """Return warnings on a foreign file: lost rows, assumptions."""
     return [f"{imported.path.name}: {said}" for said in (*map(str, imported.left_out), *imported.assumed)]
 
 

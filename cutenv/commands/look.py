@@ -1,4 +1,4 @@
-"""Show records as they are understood, before anybody scores them: a picture, open questions, rows left out.
+"""Show records before scoring: a picture, open questions, rows left out.
 
 A file of another program needs no map: its own statements are read, and what they leave open is asked.
 """
@@ -23,7 +23,7 @@ if TYPE_CHECKING:  # slow to import, and --help does not need it
 
 @reports_errors("look")
 def main(argv: Sequence[str]) -> int:
-    """Run the command; return 0, 1 if a file cannot be read or leaves open what nobody can guess, 2 for bad options."""
+    """Show records; return 0, 1 (unreadable or ambiguous), 2 (bad options)."""
     arguments = _parser().parse_args(argv)
     from cutenv.commands.inputs import given_mapping, record_files
     from cutenv.records import RecordError
@@ -55,7 +55,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _looked(path: Path, mapping: ColumnMap | None, *, asks: bool) -> Imported:
-    """Return a file as it is understood; at a terminal its questions are asked."""
+    """Return a file as understood, asking questions at a terminal."""
     from cutenv.records.importers import OpenQuestions, look_at
 
     answers: dict[str, str] = {}
@@ -76,7 +76,7 @@ def _looked(path: Path, mapping: ColumnMap | None, *, asks: bool) -> Imported:
 
 
 def _answer(path: Path, question: Question) -> Mapping[str, str]:
-    """Return a person's answer to a question, as items of the mapping."""
+    """Ask a question; return the answer as mapping items."""
     print(f"{path.name}: {question.text}")
     for number, (words, _) in enumerate(question.choices, 1):
         print(f"  {number}  {words}{' (Enter)' if question.proposed == number - 1 else ''}")

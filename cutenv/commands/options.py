@@ -1,4 +1,7 @@
-"""Options that several sub-commands share, under one name each; loaded for ``--help``, so nothing heavy is imported."""
+"""Options shared by several sub-commands, under one name each.
+
+They are loaded for ``--help``, so nothing heavy is imported.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +36,9 @@ SCREEN = (24, 80)
 
 
 class CommandParser(argparse.ArgumentParser):
-    """Parser of a sub-command: ``-h`` fits a screen, ``--help`` explains every option; both begin with common uses.
+    """Parser of a sub-command, with ``-h`` for a screen, ``--help`` for all.
+
+    Both begin with common uses.
 
     Parameters
     ----------
@@ -56,7 +61,7 @@ class CommandParser(argparse.ArgumentParser):
         return "".join(f"{use}\n" for use in self._common) + "\n" * bool(self._common) + super().format_help()
 
     def error(self, message: str) -> NoReturn:
-        """Print one line, with the options that are nearest to an unknown one, and end with status 2."""
+        """Print one line with similar options; exit with status 2."""
         from cutenv._base.validation import nearest_choices
 
         given = message.removeprefix("unrecognized arguments: ").split()
@@ -66,7 +71,7 @@ class CommandParser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {message.rstrip('.')}.{near} '{self.prog} -h' lists its options.\n")
 
     def format_screen(self) -> str:
-        """Return the whole help if it fits a screen, else what it begins with, and the names of the options."""
+        """Return the help, shortened if it exceeds a screen."""
         whole, (rows, columns) = self.format_help(), SCREEN
         lines = whole.splitlines()
         if len(lines) <= rows and max(map(len, lines)) <= columns:
@@ -89,14 +94,14 @@ _JOINED = "\N{NO-BREAK SPACE}"  # where no line may end: between an option and i
 
 
 def _named(action: argparse.Action) -> str:
-    """Return an option with its placeholder; required ones are marked."""
+    """Return an option with its placeholder, required ones marked."""
     value = "" if action.nargs == 0 or action.choices or not isinstance(action.metavar, str) else action.metavar
     required = "(required)" if action.required else ""
     return _JOINED.join(filter(None, (action.option_strings[-1], value, required)))
 
 
 def _folded(line: str, columns: int) -> str:
-    """Return a line of the shell that is too long as several, which the shell takes as one."""
+    """Return a long shell line folded by backslashes."""
     if len(line) <= columns:
         return line
     words = re.sub(r"\"[^\"]*\"|'[^']*'", lambda quoted: quoted[0].replace(" ", _JOINED), line)
@@ -135,7 +140,7 @@ def command_parser(
 
 
 def reports_errors(name: str, *also: type[Exception]) -> Callable[[Main], Main]:
-    """Return a decorator of the ``main`` of ``cutenv NAME``: what bad input raises is one line, and the exit status 2.
+    """Decorate ``main`` to report bad input on one line, exit status 2.
 
     That is OSError, ValueError, a keyword that no environment takes, and ``also``.  A missing module passes, because
     the command line names its extra, and so does the end of the program that reads the output.
@@ -170,7 +175,7 @@ def _is_unexpected_keyword(error: Exception) -> bool:
 
 
 def add_target_length(parser: argparse.ArgumentParser, default: str) -> None:
-    """Add ``--target-length``, read by :func:`target_length`; ``default`` describes what holds without it."""
+    """Add ``--target-length``, read by :func:`target_length`; ``default`` completes its help."""
     parser.add_argument(
         "--target-length",
         metavar="LENGTH",
@@ -179,7 +184,7 @@ def add_target_length(parser: argparse.ArgumentParser, default: str) -> None:
 
 
 def target_length(arguments: argparse.Namespace) -> float | None:
-    """Return ``--target-length`` in metres, None if it is not given.
+    """Return ``--target-length`` in metres, or None.
 
     Raises
     ------
@@ -190,7 +195,7 @@ def target_length(arguments: argparse.Namespace) -> float | None:
 
 
 def length_given(arguments: argparse.Namespace, name: str, limits: tuple[float, float], cure: str) -> float | None:
-    """Return the length that an option gives [m], None if it is not given.
+    """Return the length [m] of an option, or None.
 
     Raises
     ------
@@ -216,7 +221,7 @@ def add_depth_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_line(parser: argparse.ArgumentParser, of: str, default: str) -> None:
-    """Add ``--line``, read by :func:`line_given`; ``of`` and ``default`` describe what has it, and what holds else."""
+    """Add ``--line``, read by :func:`line_given`; ``of`` and ``default`` complete the help."""
     parser.add_argument(
         "--line",
         metavar="LINE",
@@ -227,7 +232,7 @@ def add_line(parser: argparse.ArgumentParser, of: str, default: str) -> None:
 
 
 def check_line(line: str, tasks: Iterable[str]) -> None:
-    """Raise ValueError for a ``--line`` if none of these tasks is along one."""
+    """Raise ValueError for ``--line`` without a task along one."""
     from cutenv.task.registry import TASKS
 
     if not any(TASKS[name].line for name in tasks):
@@ -270,7 +275,7 @@ def line_given(arguments: argparse.Namespace) -> CutLine | None:
 
 
 def add_layer_depth(parser: argparse.ArgumentParser, default: str) -> None:
-    """Add ``--layer-depth``, read by :func:`layer_depth_given`; ``default`` describes what holds without it."""
+    """Add ``--layer-depth``, read by :func:`layer_depth_given`; ``default`` completes its help."""
     parser.add_argument(
         "--layer-depth",
         metavar="DEPTH",
@@ -302,7 +307,7 @@ def wanted_depth_given(arguments: argparse.Namespace) -> DepthProfile | None:
 
 
 def layer_depth_given(arguments: argparse.Namespace) -> float | None:
-    """Return ``--layer-depth`` in metres, None if it is not given.
+    """Return ``--layer-depth`` in metres, or None.
 
     Raises
     ------
@@ -331,7 +336,7 @@ def add_tissue(parser: argparse.ArgumentParser) -> None:
 
 
 def drawn_given(arguments: argparse.Namespace) -> dict[str, str]:
-    """Return the keyword arguments of an environment for ``--specimen-class`` and ``--tissue``.
+    """Return environment keyword arguments for ``--specimen-class`` and ``--tissue``.
 
     Raises
     ------
@@ -346,7 +351,10 @@ def drawn_given(arguments: argparse.Namespace) -> dict[str, str]:
 
 
 def add_task(parser: argparse.ArgumentParser, part: str, more: str = "", *, several: bool = False) -> None:
-    """Add ``--task`` with the tasks that have a part of their entry in the registry; ``more`` follows in the help."""
+    """Add ``--task`` for tasks with a part in the registry.
+
+    The help ends with ``more``.
+    """
     from cutenv.task.registry import tasks_in_words, tasks_with
 
     names = tasks_with(part)
@@ -356,14 +364,14 @@ def add_task(parser: argparse.ArgumentParser, part: str, more: str = "", *, seve
 
 
 def add_watch(parser: argparse.ArgumentParser, about: str) -> None:
-    """Add ``--watch``, the port of a rig's live readings; ``about`` says what is done with them."""
+    """Add ``--watch``, the port of live readings."""
     parser.add_argument(
         "--watch", type=_port, nargs="?", const=LIVE_PORT, metavar="PORT", help=f"{about}; default port {LIVE_PORT}"
     )
 
 
 def add_lsl(parser: argparse.ArgumentParser) -> None:
-    """Add ``--lsl``, how far the streams of a Lab Streaming Layer can be found; off by default."""
+    """Add ``--lsl``, the visibility of Lab Streaming Layer streams."""
     parser.add_argument(
         "--lsl", choices=("machine", "link", "site"), nargs="?", const="machine",
         help="stream force, position, depth and markers by the Lab Streaming Layer while a cut goes on, to be found on "
@@ -421,9 +429,9 @@ def add_record_options(
 
 
 def add_question(parser: argparse.ArgumentParser, *, unit: str, smallest: str, most: int, always: bool = False) -> None:
-    """Add ``--until decided`` and its options, read by :func:`question_given`; ``unit`` is what a difference costs.
+    """Add ``--until decided`` and its options, read by :func:`question_given`.
 
-    A command that ``always`` stops when it is decided has no ``--until``.
+    A difference is in ``unit``. A command that ``always`` stops when it is decided has no ``--until``.
     """
     asked = parser.add_argument_group("stop when it is decided")
     if not always:
@@ -457,7 +465,7 @@ def question_given(arguments: argparse.Namespace, *, smallest: float, reach: flo
 
 
 def add_study_options(parser: argparse.ArgumentParser, *, columns: str) -> None:
-    """Add the options of a command that studies the cuts of several people; ``columns`` names the table's last ones."""
+    """Add options of studies; ``columns`` names the table's last."""
     add_record_options(
         parser, metavar="FOLDER", about="folder of records (CSV, Parquet or HDF5), or the records themselves"
     )
@@ -491,7 +499,7 @@ def add_language(parser: argparse.ArgumentParser) -> None:
 
 
 def note_missing(language: str) -> None:
-    """Say on the terminal what the file of a language lacks; ValueError if it cannot be read."""
+    """Print the gaps of a language file; ValueError if unreadable."""
     if lacking := missing_texts(language):
         shown = ", ".join(lacking[:3]) + (", ..." if len(lacking) > 3 else "")
         print(
@@ -505,7 +513,7 @@ def add_cut(parser: argparse.ArgumentParser) -> None:
 
 
 def made_folder(option: str, folder: Path) -> Path:
-    """Return the folder, made with its parents if it is missing.
+    """Return the folder; make it and its parents if missing.
 
     Raises
     ------
@@ -522,7 +530,7 @@ def made_folder(option: str, folder: Path) -> Path:
 
 
 def made_place(option: str, file: Path) -> Path:
-    """Return the path of a file that is to be written; its folder is made as by :func:`made_folder`.
+    """Return the path of a file to write; make folders.
 
     Raises
     ------

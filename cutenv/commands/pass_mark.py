@@ -1,4 +1,4 @@
-"""Find pass marks from records of several people, tell how often they err, and hold the score against raters."""
+"""Find pass marks from several people's records, with error rates and raters' agreement."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ METHOD_NAMES: Mapping[str, Method] = {
 
 @reports_errors("pass-mark")
 def main(argv: Sequence[str]) -> int:
-    """Run the command; return 0, or 2 if the records, the table or the options are bad."""
+    """Find pass marks; return 0, or 2 on bad input."""
     arguments = _parser().parse_args(argv)
     from cutenv._base.validation import in_range
     from cutenv.commands.studied_cuts import check_page, studied_cuts, study_name
@@ -72,7 +72,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _given(marks: Sequence[str]) -> dict[str, float]:
-    """Return a teacher's marks by metric, in the metric's unit; raise ValueError for what is none."""
+    """Return a teacher's marks by metric, in its unit."""
     from cutenv._base.validation import one_of
     from cutenv.records.scoring import METRICS
     from cutenv.records.scoring.study.study import OVERALL

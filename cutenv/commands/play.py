@@ -1,4 +1,4 @@
-"""Cut by mouse or gamepad in a window; every cut is recorded, and scored as an agent's would be."""
+"""Cut by mouse or gamepad in a window, recorded and scored."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _EMULATED, _EMULATED_TARGET = "emulated-inverse3", 0.08  # [m]
 
 @reports_errors("play")
 def main(argv: Sequence[str]) -> int:
-    """Run the command; return 0, 1 without the extra, or 2 if an option is bad."""
+    """Play; return 0, 1 without the extra, 2 on bad input."""
     arguments = _parser().parse_args(argv)
     missing = [name for name in _EXTRA if find_spec(name) is None]
     if missing:
@@ -121,7 +121,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _agent_of(arguments: argparse.Namespace) -> SharingAgent | None:
-    """Return the agent that shares the cuts, None without one.
+    """Return the agent that shares the cuts, if any.
 
     Raises
     ------
@@ -141,7 +141,7 @@ def _agent_of(arguments: argparse.Namespace) -> SharingAgent | None:
 
 
 def _course_of(arguments: argparse.Namespace) -> CourseProgress | None:
-    """Return the progress of the operator in the course, None without one.
+    """Return the operator's progress in the course, or None.
 
     Raises
     ------

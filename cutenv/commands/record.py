@@ -1,7 +1,8 @@
-"""Record a force stream of the Lab Streaming Layer, from any program on this machine or network, as a record of a cut.
+"""Record a force stream of the Lab Streaming Layer as a cut.
 
-Channels are named by --map, as columns of a file are; the time is the stream's own, brought to this machine's clock.
-Rows are on the disk as they come: Ctrl-C ends the record, which is whole.
+The stream comes from any program on this machine or network. Channels are named by --map, as columns of a file are; the
+time is the stream's own, brought to this machine's clock. Rows are on the disk as they come: Ctrl-C ends the record,
+which is whole.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
 @reports_errors("record")
 def main(argv: Sequence[str]) -> int:
-    """Run the command; return 0, or 2 if an option, the stream or a sample is bad."""
+    """Record; return 0, or 2 on bad input or stream."""
     arguments = _parser().parse_args(argv)
     from cutenv._base.validation import in_range
     from cutenv.records import ColumnMap

@@ -1,4 +1,4 @@
-"""Score cuts of people or policies: a card, a page with advice, and a table of several cuts."""
+"""Score cuts of people or policies: card, page of advice, table."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ PAGES_NEED = ("jinja2", "matplotlib")
 
 @reports_errors("score")
 def main(argv: Sequence[str]) -> int:
-    """Run the command; return 0, or 2 if the records or the options are bad."""
+    """Score; return 0, or 2 on bad input."""
     arguments = _parser().parse_args(argv)
     from cutenv.agents.difficulty import scripts_on_specimen_of
     from cutenv.commands.inputs import read_records, targets
@@ -98,7 +98,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _example(path: Path) -> Path:
-    """Write the record of a simulated cut and return its path: past the target, then back, as a hand does it."""
+    """Write a simulated cut past the target and back."""
     from cutenv.records import save
     from cutenv.sim.plant import Leg, SimulatedPlant, run, to_trace
     from cutenv.sim.tissue import Specimen
@@ -111,7 +111,9 @@ def _example(path: Path) -> Path:
 
 
 def reference_set(given: str) -> ReferenceSet | None:
-    """Return the reference set of a name, a file, or a folder of a lab's own records; None for ``none``.
+    """Return a reference set by name, file or folder.
+
+    None for ``none``.
 
     Raises
     ------

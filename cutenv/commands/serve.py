@@ -1,4 +1,4 @@
-"""Serve a class: people cut in their browsers with a code, and their teacher sees, exports and deletes records."""
+"""Serve a class that cuts in browsers, with codes and a teacher's page."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 @reports_errors("serve")
 def main(argv: Sequence[str]) -> int:
-    """Run the server until Ctrl-C; return 0, or 2 if an option is bad."""
+    """Serve until Ctrl-C; return 0, or 2 on bad input."""
     arguments = _parser().parse_args(argv)
     port = round(in_range("--port", arguments.port, 0, 65535, "1", "Give a port such as 8800; 0 takes a free one."))
     if (arguments.certificate is None) != (arguments.key is None):
@@ -160,7 +160,7 @@ def _serve(arguments: argparse.Namespace, argv: Sequence[str], port: int, course
 
 
 def _lti_tool(lesson: Lesson, language: str) -> LtiTool | None:
-    """Return the class as a tool of learning platforms; None without the extra, if none is registered."""
+    """Return the class as an LTI tool, or None."""
     from cutenv.people.classroom.lti_platforms import PLATFORMS_FILE
 
     try:
@@ -199,7 +199,7 @@ def _is_loopback(host: str) -> bool:
 
 
 def _names(host: str, further: Sequence[str]) -> frozenset[str]:
-    """Return the names that this machine has in a browser's address."""
+    """Return the names of this machine in a browser's address."""
     own = socket.gethostname()
     short = own.partition(".")[0]
     names = ("localhost", host, own, short, f"{short}.local", *further)

@@ -1,4 +1,4 @@
-"""Write a page of one file that cuts in a browser: nothing to install, no server, no network."""
+"""Write a one-file page that cuts in a browser, without a server."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from cutenv.sim.tissue.specimen import CLASSES
 
 @reports_errors("single-page")
 def main(argv: Sequence[str]) -> int:
-    """Run the command; return 0, or 2 if an option is bad."""
+    """Write the page; return 0, or 2 on bad input."""
     arguments = _parser().parse_args(argv)
     if arguments.pass_mark is not None and arguments.scorm is None:
         raise ValueError("--pass-mark is for a learning platform's package: give --scorm PACKAGE too.")

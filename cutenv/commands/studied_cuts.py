@@ -1,4 +1,4 @@
-"""Cuts of several people, read and scored, with their operators from a table or from the records themselves."""
+"""Cuts of several people, scored, with operators by table or record."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _MOST_DOUBTS = 10  # that are printed
 
 
 class StudiedRecords(NamedTuple):
-    """Cuts of several people, each one's in order; records left out as bad; and the cuts that were begun and left."""
+    """Cuts by person in order, refused records, abandoned cuts."""
 
     cuts: list[StudiedCut]
     refused: list[RefusedRecord]
@@ -84,7 +84,10 @@ def studied_cuts(arguments: argparse.Namespace, rows: Sequence[OperatorRow] | No
 
 
 def _that_count(pairs: Sequence[tuple[OperatorRow, int]], traces: Sequence[Trace]) -> list[tuple[OperatorRow, int]]:
-    """Return the cuts that were not made for practice; print how many were, and raise ValueError if all were."""
+    """Return cuts not made for practice; raise ValueError without any.
+
+    The number left out is printed.
+    """
     counted = [pair for pair in pairs if traces[pair[1]].metadata.get("practice") is not True]
     count = len(pairs) - len(counted)
     if pairs and not counted:
@@ -102,13 +105,13 @@ def _that_count(pairs: Sequence[tuple[OperatorRow, int]], traces: Sequence[Trace
 
 
 def _by_hand(trace: Trace, operator: str) -> Trace:
-    """Return a record that names its operator, whose motion is then looked at as a hand's."""
+    """Return a record with its operator, checked as hand motion."""
     named = bool(trace.metadata.get("operator"))
     return trace if named else trace.with_metadata({**trace.metadata, "operator": operator})
 
 
 def _print_doubts(cards: Sequence[ScoreCard]) -> None:
-    """Print which cuts can hardly be as they are recorded."""
+    """Print which cuts are doubtful as recorded."""
     doubted = [(card.name, note) for card in cards for note in card.notes if note.startswith(DOUBT)]
     for name, note in doubted[:_MOST_DOUBTS]:
         print(f"note: {name}: {note}", file=sys.stderr)
@@ -117,7 +120,7 @@ def _print_doubts(cards: Sequence[ScoreCard]) -> None:
 
 
 def _left(rows: Sequence[OperatorRow], finished: Sequence[OperatorRow]) -> dict[str, tuple[int, ...]]:
-    """Return by operator how many of the finished cuts stand before each cut that was begun and left."""
+    """Count an operator's finished cuts before each abandoned one."""
     found: dict[str, tuple[int, ...]] = {}
     for row in sorted((row for row in rows if not row.record), key=lambda row: (row.order, row.line)):
         before = sum(
@@ -128,7 +131,7 @@ def _left(rows: Sequence[OperatorRow], finished: Sequence[OperatorRow]) -> dict[
 
 
 def study_name(arguments: argparse.Namespace) -> str:
-    """Return the title of a study: ``--name``, or the name of its table, or of its first folder or record."""
+    """Return a study's title, from ``--name`` or the first source."""
     source: Path = arguments.operators or arguments.records[0].absolute()
     if "*" in source.name:  # a pattern is named after its folder
         source = source.parent
@@ -136,7 +139,7 @@ def study_name(arguments: argparse.Namespace) -> str:
 
 
 def assigned(rows: Sequence[OperatorRow], records: LoadedTraces, table: Path) -> list[tuple[OperatorRow, int]]:
-    """Return every cut's row and its place in ``records.traces``, in the order in which each operator made them.
+    """Return rows of cuts with indices in ``records.traces``, by operator in order.
 
     Raises
     ------
@@ -169,7 +172,7 @@ def assigned(rows: Sequence[OperatorRow], records: LoadedTraces, table: Path) ->
 
 
 def _names(source: Source) -> list[str]:
-    """Return the names by which a row may refer to a cut."""
+    """Return names by which rows call a cut."""
     names = [source.path.name, source.path.stem]
     if source.number is not None:
         names += [f"{name} {source.number}" for name in names]
@@ -177,7 +180,7 @@ def _names(source: Source) -> list[str]:
 
 
 def check_page(out: Path | None) -> None:
-    """Raise an error for a path that cannot be written, before any work."""
+    """Refuse an output path that cannot be written."""
     if out is None:
         return
     if out.suffix != ".html":

@@ -1,4 +1,4 @@
-"""Study records of several people: reliability of score and metrics, groups, learning; a sheet for each person."""
+"""Study records of several people: reliability, groups, learning, personal sheets."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _SMALLEST = 5.0
 
 @reports_errors("study", ImportError)
 def main(argv: Sequence[str]) -> int:
-    """Run the command; return 0, or 2 if the records, the table or the options are bad."""
+    """Study; return 0, or 2 on bad input."""
     arguments = _parser().parse_args(argv)
     from cutenv._base.validation import in_range, one_of
     from cutenv.commands.studied_cuts import check_page, studied_cuts, study_name
@@ -83,7 +83,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _decided(study: Study, question: SequentialQuestion, mark: float | None) -> list[DecisionReport]:
-    """Return what is decided of each person against the mark, or without a mark of the two groups.
+    """Return decisions for people against the mark, or between groups.
 
     People are compared by their means, in the order of the table: the first of one group with the first of the other.
     """

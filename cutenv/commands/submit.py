@@ -1,10 +1,10 @@
-"""Enter a policy on the leaderboard: let it cut specimens drawn from its own files, and keep the actions of every cut.
+"""Enter a policy on the leaderboard, with the actions of all cuts.
 
-A policy is a folder that holds policy.safetensors and card.json, the folder of a training run, the name of a shipped
-policy or a script, or a class of your own, MODULE:CLASS.  Several are the training seeds of one entry.  The digest of
-their files determines the specimens.  With --check every cut of a file is repeated from its seed and actions; it is
-refused if any return differs in its last bit.  With the policies beside --check, their files must have the digest, and
-they must act as the file says.
+The specimens are drawn from the policy's own files. A policy is a folder that holds policy.safetensors and card.json,
+the folder of a training run, the name of a shipped policy or a script, or a class of your own, MODULE:CLASS.  Several
+are the training seeds of one entry.  The digest of their files determines the specimens.  With --check every cut of a
+file is repeated from its seed and actions; it is refused if any return differs in its last bit.  With the policies
+beside --check, their files must have the digest, and they must act as the file says.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ CutRows = list[dict[str, Any]]
 
 @reports_errors("submit")
 def main(argv: Sequence[str]) -> int:
-    """Make or check a submission; 2 if an option or the file is bad."""
+    """Make or check a submission; return 2 on bad input."""
     given = _parser().parse_args(argv)
     if given.check is not None:
         if given.salt is not None:
@@ -40,10 +40,10 @@ def main(argv: Sequence[str]) -> int:
 
 
 def checked(path: Path, policies: Sequence[str] = ()) -> tuple[Submission, list[CutRows], CutRows]:
-    """Repeat every cut of a file and print its row; return the entry, the scores of its runs, and those of the script.
+    """Repeat all cuts of a file; return entry and scores.
 
-    The script is the protocol's, on the same specimens.  With the policies that were submitted, their files and actions
-    are checked as well.
+    The scores are those of its runs and of the script, and each cut's row is printed. The script is the protocol's, on
+    the same specimens.  With the policies that were submitted, their files and actions are checked as well.
 
     Raises
     ------
@@ -120,7 +120,7 @@ def _submit(given: argparse.Namespace) -> None:
 
 
 def _kind(names: Sequence[str], entrants: Sequence[Contestant], given: str | None) -> str:
-    """Return the kind of an entry: what its policies' cards record, or what is given where they do not."""
+    """Return the kind of entry, by cards or option."""
     from cutenv.agents.learning.benchmark import ENTRY_KINDS, recorded_kind
 
     known = ", ".join(map(repr, ENTRY_KINDS))

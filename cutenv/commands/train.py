@@ -1,4 +1,4 @@
-"""Train an agent to cut gently, compare it with every baseline, report.
+"""Train an agent to cut gently, compare it with all baselines, report.
 
 PPO takes about 4 minutes on 2 cores, recurrent PPO, whose actor has a memory, about 20; SAC, TQC and CrossQ, which also
 learn from a script's decisions, some four.  Behaviour cloning imitates a script, or a data set of 'cutenv datasets', in
@@ -60,7 +60,7 @@ _NOTES = {
 
 
 def main(argv: Sequence[str]) -> int:
-    """Train; 2 if an option is bad, 130 after Ctrl-C."""
+    """Train; return 0, 2 on bad input, 130 after Ctrl-C."""
     several, rest = _several_tasks(argv)
     if several:
         return _side_by_side(several, rest)
@@ -76,7 +76,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _several_tasks(argv: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Return the tasks that --task names and the other arguments; no task unless there are several."""
+    """Return several tasks of --task, and the other arguments."""
     first = argparse.ArgumentParser(prog="cutenv train", add_help=False, allow_abbrev=False)
     first.add_argument("--task", nargs="+", default=[])
     chosen, rest = first.parse_known_args(argv)
@@ -85,7 +85,7 @@ def _several_tasks(argv: Sequence[str]) -> tuple[list[str], list[str]]:
 
 
 def _side_by_side(tasks: Sequence[str], rest: Sequence[str]) -> int:
-    """Train several tasks side by side, after a look at the options of all."""
+    """Train several tasks in parallel, after checking all options."""
     from cutenv.agents.learning.side_by_side import train_side_by_side
 
     named = argparse.ArgumentParser(prog="cutenv train", add_help=False, allow_abbrev=False)
@@ -109,7 +109,7 @@ def _side_by_side(tasks: Sequence[str], rest: Sequence[str]) -> int:
 
 
 def training_options(learner: str, argv: Sequence[str]) -> LearnerArguments:
-    """Return the options of a new run, without beginning it.
+    """Return the options of a new run without starting it.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def training_options(learner: str, argv: Sequence[str]) -> LearnerArguments:
 
 
 def _learner(argv: Sequence[str]) -> str:
-    """Return the learner's name, read from run.json when resuming: it decides which options there are."""
+    """Return the learner's name, from run.json if resuming."""
     first = argparse.ArgumentParser(prog="cutenv train", add_help=False, allow_abbrev=False)
     first.add_argument("--learner", choices=LEARNERS)
     first.add_argument("--resume", type=Path, metavar="RUN")
@@ -134,7 +134,7 @@ def _learner(argv: Sequence[str]) -> str:
 
 
 def _learner_of(run: Path) -> str | None:
-    """Return the name of the learner that made a run, or None if run.json has none."""
+    """Return the learner recorded in run.json, or None."""
     try:
         agent = json.loads((run / "run.json").read_text())["agent"]
     except (OSError, ValueError, KeyError):
@@ -173,7 +173,7 @@ def _trial_learner(name: str) -> Any:
 
 
 def _program() -> str:
-    """Return the command that starts this program: ``cutenv`` where the shell finds it, else Python with ``-m``."""
+    """Return this program's command, ``cutenv`` or Python with ``-m``."""
     if shutil.which("cutenv"):
         return "cutenv"
     python = Path(sys.executable)

@@ -1,4 +1,4 @@
-"""Show a recorded cut in three dimensions: a page of one file that opens from disk and fetches nothing."""
+"""Show a recorded cut in 3-D: a page that opens from disk."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from cutenv.display.viewer.solid import COLOURINGS, CurvedCut, ShownCut, write_c
 
 @reports_errors("view")
 def main(argv: Sequence[str]) -> int:
-    """Run the command; return 0, or 2 if the record or the options are bad."""
+    """Write the page; return 0, or 2 on bad input."""
     arguments = _parser().parse_args(argv)
     target, line = target_length(arguments), line_given(arguments)
     made_place("--out", arguments.out or Path("view.html"))
@@ -55,7 +55,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def page_of(name: str) -> Path:
-    """Return the default path of the page of a cut."""
+    """Return the default path of a cut's page."""
     return Path(re.sub(r"[^\w.-]+", "_", name) + "_view.html")
 
 

@@ -1,4 +1,4 @@
-"""Compile every kernel of this machine ahead of the first cut: for images, clusters and classrooms.
+"""Compile every kernel before the first cut, as for images.
 
 Each task is compiled in a process of its own, as many at once as there are cores.  What is compiled is kept where the
 first cut would keep it: beside the package, or in the user's cache, or below NUMBA_CACHE_DIR.
@@ -26,7 +26,10 @@ _ACROSS: tuple[tuple[str, ...], ...] = ((), ("height",), ("side",))
 
 @reports_errors("warm")
 def main(argv: Sequence[str]) -> int:
-    """Compile and print where it is kept; 1 if nothing can be kept or a part fails."""
+    """Compile and print the place; return 1 if a part fails.
+
+    It also fails if nothing can be kept.
+    """
     arguments = _parser().parse_args(argv)
     from cutenv._engine.jit import kernel_folder, remove_kernels
 
@@ -60,12 +63,15 @@ def main(argv: Sequence[str]) -> int:
 
 
 def parts() -> list[str]:
-    """Return what can be compiled here: the tasks, and the emulated rig where its extra is installed."""
+    """Return what can be compiled: tasks, and an installed emulator."""
     return [*TASKS, *([_RIG] if find_spec("canopen") is not None else [])]
 
 
 def compile_part(name: str) -> None:
-    """Use every kernel of a task once, by truth and by estimate, and of its scripts and planner; or of the emulator."""
+    """Compile the kernels of a task or the emulator.
+
+    Of a task: by truth and by estimate, its scripts and planner.
+    """
     if name == _RIG:
         _use_rigs()
         return
@@ -82,7 +88,7 @@ def compile_part(name: str) -> None:
 
 
 def _use_policies(task: RegisteredTask) -> None:
-    """Let scripts and planner of a task cut, with what a learner and its critic are shown."""
+    """Let a task's scripts and planner cut, with learner features."""
     import numpy as np
 
     from cutenv.agents.learning.evaluation import batched_rollout
@@ -101,7 +107,7 @@ def _use_policies(task: RegisteredTask) -> None:
 
 
 def _use_plant(task: RegisteredTask) -> None:
-    """Drive, lead and account for a blade as the law's own checks do, and by a person's hand where the task has one."""
+    """Drive and score a blade, also by hand."""
     import numpy as np
 
     from cutenv.records.scoring import score
@@ -126,7 +132,7 @@ def _use_plant(task: RegisteredTask) -> None:
 
 
 def _use_rigs() -> None:
-    """Use the emulator, along the cut and across it, and an environment on a fake rig of each task that has one."""
+    """Use the emulator in both directions, and fake rigs."""
     import numpy as np
 
     from cutenv.rig.imitated.emulator.process import warm_up
@@ -143,7 +149,7 @@ def _use_rigs() -> None:
 
 
 def _compiled_apart(name: str) -> str | None:
-    """Compile a part in a process of its own; return the last line of its error, None if all is well."""
+    """Compile a part in its own process; return any error."""
     program = f"from cutenv.commands.warm import compile_part; compile_part({name!r})"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     return None if done.returncode == 0 else (done.stderr.strip() or f"status {done.returncode}").splitlines()[-1]

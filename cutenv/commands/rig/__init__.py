@@ -1,4 +1,4 @@
-"""Sub-commands of ``cutenv rig``: a module with ``main(argv)`` for each, loaded when it is asked for."""
+"""Sub-commands of ``cutenv rig``: one module with ``main(argv)`` for each."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _Main = Callable[[Sequence[str]], int]
 
 
 def reports_rig_errors(name: str, *also: type[Exception], refused: int = 1) -> Callable[[_Main], _Main]:
-    """Return a decorator of the ``main`` of ``cutenv rig NAME``, for one line and an exit status of every error.
+    """Decorate ``main`` of a rig command to report errors on one line.
 
     Besides what :func:`cutenv.commands.options.reports_errors` does, what the rig or its operator refuses, and a stop,
     is a line and the status ``refused``; a stop by Ctrl-C has the status 130.
@@ -41,7 +41,10 @@ def reports_rig_errors(name: str, *also: type[Exception], refused: int = 1) -> C
 
 
 def by_signal(cause: object) -> bool:
-    """Return whether a stop's cause is a signal: Ctrl-C, SIGTERM, a closed terminal."""
+    """Return whether a stop comes from a signal, such as Ctrl-C.
+
+    Others are SIGTERM and a closed terminal.
+    """
     from cutenv.rig.safety.stop_causes import Cause
 
     return cause == Cause.INTERRUPTED

@@ -1,4 +1,4 @@
-"""Look at a rig without moving it: connections, limits, rates, noise, the camera. No drive is powered.
+"""Check a rig without powering a drive: connections, limits, rates, noise.
 
 Nothing may touch the blade meanwhile: the sensor's zero is taken.
 """
@@ -22,7 +22,7 @@ from cutenv.rig.operation.suitability import decisions, fits, stopping_ways, sui
 
 @reports_errors("rig check")
 def main(argv: Sequence[str]) -> int:
-    """Run the command; return 0, 1 if a check fails, or 2 if the rig's file cannot be used."""
+    """Check; return 0, 1 if a check fails, 2 on bad input."""
     arguments = _parser().parse_args(argv)
     settings = settings_of(arguments.rig)
     said = may_move(settings, date.today())  # what the file says needs no connection
@@ -49,7 +49,7 @@ def as_json(found: Inspection) -> dict[str, Any]:
 
 
 def capabilities(settings: RigSettings) -> dict[str, Any]:
-    """Return what the rig can do as a dictionary for JSON."""
+    """Return the rig's capabilities as a dictionary for JSON."""
     ways = {what: None if math.isnan(way) else way for what, way in stopping_ways(settings).items()}
     return {
         "decisions_Hz": decisions(settings),
@@ -59,7 +59,7 @@ def capabilities(settings: RigSettings) -> dict[str, Any]:
 
 
 def lines(found: Inspection) -> list[str]:
-    """Return the inspection as text: the devices' data, then each check."""
+    """Return the inspection as text: devices, then checks."""
     shown = []
     for device, about in found.devices.items():
         shown.append(f"{device}:")

@@ -1,4 +1,4 @@
-"""Try a rig's drivers against what their protocol promises, and print what was promised, measured and missed.
+"""Test a rig's drivers against what their protocol promises.
 
 An axis moves to and fro by some millimetres: take the blade off, and lay nothing in its way. A sensor must not be
 touched. Without --section the blade's axis and the sensor are tried. How a whole rig stops at every fault is
@@ -99,14 +99,17 @@ def _findings(settings: RigSettings, role: str) -> list[TriedPromise]:
 
 
 def _trial_way(role: str) -> str:
-    """Return how far an axis moves while it is tried, in words."""
+    """Return an axis's movement in its test, in words."""
     if role == "angle":
         return f"turn to and fro by up to {math.degrees(TRIAL_TRAVEL):.1f} degrees"
     return f"move to and fro by up to {1e3 * TRIAL_TRAVEL:g} mm"
 
 
 def _role_of(name: str) -> str:
-    """Return the section that a driver by its name is for: by its methods, if it is a class."""
+    """Return the rig file's section that a driver belongs to.
+
+    A class is recognised by its methods.
+    """
     if ":" not in name:
         only_force = name in registered_drivers(DriverKind.FORCE) and name not in registered_drivers(DriverKind.MOTION)
         return "sensor" if only_force else "blade"
@@ -114,7 +117,7 @@ def _role_of(name: str) -> str:
 
 
 def _rig_of(name: str) -> RigSettings:
-    """Return a rig with nothing but this driver, whatever its kind."""
+    """Return a rig with only this driver, of any kind."""
     role = _role_of(name)
     traits = traits_of(KIND_OF_ROLE[role], name)
     if traits.options is not None:
@@ -129,7 +132,7 @@ def _rig_of(name: str) -> RigSettings:
 
 @reports_rig_errors("conform")
 def main(argv: Sequence[str]) -> int:
-    """Try the drivers; return 0, 1 if a promise is not kept or a device fails, or 2 if the file or name is bad."""
+    """Test drivers; return 0, 1 on failure, 2 on bad input."""
     arguments = _parser().parse_args(argv)
     found = tried_drivers(arguments.rig, arguments.section or None)
     if arguments.json:

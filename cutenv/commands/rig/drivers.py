@@ -1,4 +1,4 @@
-"""List the drivers that a rig's file can name after ``driver =``, or explain the options of one.
+"""List the drivers for a rig's file, or explain one's options.
 
 A package adds its own by the entry points cutenv.motion_drivers, cutenv.force_drivers and cutenv.camera_drivers; a
 class of your own is named as module:Class.
@@ -26,7 +26,7 @@ from cutenv.rig.toml_file import key_comment
 
 @reports_errors("rig drivers")
 def main(argv: Sequence[str]) -> int:
-    """List drivers, or explain one; return 0, or 2 if there is none of that name, or it cannot be imported."""
+    """List or explain drivers; return 2 for a bad name."""
     arguments = _parser().parse_args(argv)
     if arguments.name is None:
         found = [each for kind in DriverKind for each in registered_drivers(kind).values()]

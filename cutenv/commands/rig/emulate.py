@@ -1,4 +1,4 @@
-"""Run an emulated rig in real time: drive, screw, tissue and force sensor.
+"""Run an emulated rig in real time: drive, screw, tissue, force sensor.
 
 That is an EPOS4 drive on a CAN hub and a Net F/T; with --serial a board with stepper and load cell behind a
 pseudo-terminal, which runs its own sketch and needs a C++ compiler; with --grbl a machine with GRBL and such a board,
@@ -54,7 +54,7 @@ _CONSTANTS = (
 
 @reports_errors("rig emulate", TypeError)
 def main(argv: Sequence[str]) -> int:
-    """Run the command until it is ended; return 0, or 2 if an option is bad or a port is taken."""
+    """Emulate until ended; return 0, or 2 for bad options or ports."""
     arguments = _parser().parse_args(argv)
     from cutenv.rig.imitated.emulator.emulated_bench import FAULTS, parsed_fault
     from cutenv.rig.imitated.emulator.serial_rig import GRBL_FAULTS, SERIAL_FAULTS

@@ -1,4 +1,4 @@
-"""Run the same policy on the same specimens in the simulator and on a rig, and report whether they agree.
+"""Compare a policy on a rig and in the simulator, on the same specimens.
 
 With --until decided two policies are compared on the rig, pair by pair, until it is decided which is better. Every cut
 is kept in --out at once: the same command goes on where the last one ended, on any day.
@@ -51,7 +51,7 @@ SMALLEST_RETURN = 0.05
 
 @reports_rig_errors("evaluate", ImportError, TypeError, refused=2)
 def main(argv: Sequence[str]) -> int:
-    """Run the command; return 0 if both agree or it is open, 1 if they differ, 2 for bad input, 130 after Ctrl-C."""
+    """Compare; return 0 (agreed, open), 1 (differ), 2 (bad input), 130 (Ctrl-C)."""
     arguments = _parser().parse_args(argv)
     if arguments.until is not None:
         return decide(arguments)
@@ -113,7 +113,7 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
 
 
 def _shared(arguments: argparse.Namespace, wanted: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the keywords of both environments; a note is printed if the rig is slower than the policy."""
+    """Return the keywords of both environments; warn of slow rigs."""
     from cutenv.commands.rig.run import paced
     from cutenv.rig.imitated.connection import settings_of
 
@@ -138,7 +138,7 @@ def _simulator(rig: RigCutEnv, shared: Mapping[str, Any], changed: Mapping[str, 
 
 @contextmanager
 def rig_comparison(arguments: argparse.Namespace, *, records: Path | None = None) -> Iterator[RigComparison]:
-    """Make the comparison that the options ask for, on a rig that is closed at the end."""
+    """Yield the comparison on a rig, closed afterwards."""
     from cutenv.agents.sim_to_real.sequential_experiment import RigComparison, two_names
     from cutenv.commands.rig.run import chosen_policy
 
@@ -162,7 +162,7 @@ def rig_comparison(arguments: argparse.Namespace, *, records: Path | None = None
 
 
 def decide(arguments: argparse.Namespace) -> int:
-    """Compare two policies until it is decided; the status is 0, whatever is decided."""
+    """Compare two policies until it is decided; always return 0."""
     from cutenv.agents.sim_to_real.sequential_experiment import KeptCuts
     from cutenv.display.report.decision_page import write_decision
 
@@ -195,7 +195,7 @@ def decide(arguments: argparse.Namespace) -> int:
 
 
 def _specimen(arguments: argparse.Namespace) -> Specimen | None:
-    """Return the specimen that every cut is made in; None if each is another."""
+    """Return the specimen of every cut, None if they differ."""
     from cutenv.sim.tissue.specimen import Specimen
 
     if arguments.specimen is None:
@@ -221,7 +221,7 @@ def _constant(text: str) -> tuple[str, float]:
 
 
 def _check_out(arguments: argparse.Namespace) -> None:
-    """Raise an error for a path that cannot be written, before any work."""
+    """Refuse output paths that cannot be written."""
     out: Path | None = arguments.out
     if out is not None and out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise FileExistsError(f"--out {out} is there already and not empty; give another folder.")

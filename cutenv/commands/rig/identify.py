@@ -1,4 +1,4 @@
-"""Measure a rig's own constants with the blade in air: lag, dead time, acceleration, backlash, friction, sensor.
+"""Measure a rig's constants in air: lag, dead time, acceleration, backlash, friction, sensor.
 
 The carriage makes steps, sines and slow reversals, for about two minutes within some centimetres. The simulator then
 uses the values in the file: gymnasium.make("cutenv/GentleCut-v1", rig="RIG.toml").
@@ -27,7 +27,7 @@ _SELDOM = 0.05  # [s] between positions, above which no step of some tenths of a
 
 @reports_rig_errors("identify")
 def main(argv: Sequence[str]) -> int:
-    """Run the command; return 0, 1 if the rig refuses or stopped the blade, 2 for bad input, 130 after Ctrl-C."""
+    """Identify; return 0, 1 (refused, stopped), 2 (bad input), 130 (Ctrl-C)."""
     arguments = _parser().parse_args(argv)
     if arguments.write and arguments.rig in RIG_NAMES:
         raise ValueError(f'--write needs a rig\'s file, and "{arguments.rig}" has none.')

@@ -1,4 +1,4 @@
-"""Write the file of a new rig: every key with meaning, unit and range, to be filled in by a person."""
+"""Write the file of a new rig, with explained keys to fill in."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SENSORS: dict[str, SensorSettings] = {
 
 @reports_errors("rig init")
 def main(argv: Sequence[str]) -> int:
-    """Run the command; return 0, or 2 if the file exists already or cannot be written."""
+    """Write the file; return 0, or 2 if that is impossible."""
     arguments = _parser().parse_args(argv)
     path: Path = arguments.file
     like = PROFILES[arguments.profile]()

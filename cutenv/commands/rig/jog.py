@@ -1,8 +1,9 @@
-"""Move the blade while an arrow key is held: right away from the clamp, left back, up and down turn it, q ends.
+"""Move the blade while an arrow key is held; q ends.
 
-On a rig with a height axis u raises and d lowers it, with an axis to the side l moves it left and r right, while held.
-A terminal reports a held key by repeating it: within 0.2 s after the last repeat the blade is commanded to rest (0.4 mm
-at 2 mm/s). A tap moves it for that long; a held key moves it once, pauses, then follows the terminal's repeats.
+Right moves it away from the clamp, left back, up and down turn it. On a rig with a height axis u raises and d lowers
+it, with an axis to the side l moves it left and r right, while held. A terminal reports a held key by repeating it:
+within 0.2 s after the last repeat the blade is commanded to rest (0.4 mm at 2 mm/s). A tap moves it for that long; a
+held key moves it once, pauses, then follows the terminal's repeats.
 Any other key stops it at once. A software stop is not a safety function: keep the stop button in reach.
 """
 
@@ -36,7 +37,7 @@ class TerminalKeys:
         self._decoder = KeyDecoder()
 
     def read(self) -> list[JogKey]:
-        """Return the keys pressed since the last call; a terminal that is gone yields quit."""
+        """Return keys pressed since the last call; quit after hang-up."""
         import select
 
         keys: list[JogKey] = []
@@ -53,9 +54,9 @@ class TerminalKeys:
 
 @contextmanager
 def terminal_keys(source: TextIO | None = None) -> Iterator[TerminalKeys]:
-    """Read keys of a terminal, standard input by default; its mode is restored in any case.
+    """Read keys of a terminal; restore its mode at the end.
 
-    Text typed before is discarded.
+    Standard input by default. Text typed before is discarded.
 
     Raises
     ------
@@ -88,7 +89,7 @@ _CLEAR_LINE = "\r\x1b[K"
 
 @reports_rig_errors("jog")
 def main(argv: Sequence[str]) -> int:
-    """Jog until q; return 0, 1 if the rig refuses or stopped the blade, 2 for a bad option, 130 after Ctrl-C."""
+    """Jog until q; return 0, 1 (refused, stopped), 2 (bad input), 130 (Ctrl-C)."""
     arguments = _parser().parse_args(argv)
     controls = Jog(1e-3 * arguments.speed)
     check_terminal()

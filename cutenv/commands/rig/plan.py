@@ -1,4 +1,4 @@
-"""Say how many livers a comparison of two policies will need, from simulated pairs, before the first one is cut."""
+"""Plan the number of livers for comparing two policies, by simulation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cut on a rig with a trained policy or a script, unchanged from simulation; every cut is recorded and scored.
+"""Cut on a rig with a policy from simulation, recorded and scored.
 
 A software stop is not a safety function: wire the stop button to the drive's safe torque off before anything moves.
 """
@@ -48,7 +48,9 @@ _STEPS = 1000  # milli-rpm, which the axis asks its drive for
 
 
 class Transcript:
-    """Listing of commands, one a line: time, axis, speed, CAN frame if it has one. Repetitions are only counted.
+    """Listing of commands: time, axis, speed, CAN frame.
+
+    Repetitions are only counted.
 
     Parameters
     ----------
@@ -68,7 +70,7 @@ class Transcript:
         self._last: dict[str, tuple[float, int]] = {}
 
     def heard(self, time: float, axis: str, speed: float) -> None:
-        """Take a command at ``time`` [s] to an axis, speed in m/s or rad/s."""
+        """Take an axis's command at ``time`` [s]; m/s or rad/s."""
         last, count = self._last.get(axis, (math.nan, 0))
         if speed == last:
             self._last[axis] = last, count + 1
@@ -93,13 +95,13 @@ _LATE = ("force stale", "force late", "motion stale", "clock overrun", "heartbea
 
 @reports_rig_errors("run", refused=2)
 def main(argv: Sequence[str]) -> int:
-    """Cut; return 0 if all cuts ended by themselves, 3 if one was stopped, 2 for an error, 130 after Ctrl-C."""
+    """Cut; return 0, 3 if stopped, 2 on errors, 130 after Ctrl-C."""
     arguments = _parser().parse_args(argv)
     return _dry_run(arguments) if arguments.dry_run is not None else _run(arguments)
 
 
 def chosen_policy(name: str, task: str = "gentle") -> tuple[Policy, dict[str, Any]]:
-    """Return a policy by name (a script, a trained policy, a folder or a class), and its environment's arguments.
+    """Return a policy by name, and its environment's arguments.
 
     Parameters
     ----------
@@ -147,7 +149,7 @@ def chosen_policy(name: str, task: str = "gentle") -> tuple[Policy, dict[str, An
 
 
 def paced(keywords: dict[str, Any], settings: RigSettings) -> tuple[dict[str, Any], str]:
-    """Return the arguments of an environment with decisions as fast as the rig is good for, and a note, or "".
+    """Return environment arguments at the rig's decision rate, and a note.
 
     A policy that was trained at a rate keeps it; a script takes 50 decisions a second, or what a slower rig allows.
     """
@@ -190,7 +192,7 @@ def _environment(arguments: argparse.Namespace, keywords: dict[str, Any], **more
 
 
 def _dry_run(arguments: argparse.Namespace) -> int:
-    """Cut a drawn specimen on a fake with the rig's settings, and print every frame that would command a drive."""
+    """Cut on a fake; print the frames that would command drives."""
     import numpy as np
 
     policy, keywords = chosen_policy(arguments.policy, arguments.task)
@@ -253,7 +255,9 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def rehearse(env: RigCutEnv, policy: Policy, *, seed: int) -> dict[str, Any]:
-    """Cut once on a fake with the rig's settings, so that a policy compiles, or fails, before the rig moves.
+    """Cut once on a fake with the rig's settings.
+
+    A policy so compiles, or fails, before the rig moves.
 
     Returns
     -------
@@ -303,7 +307,7 @@ def cut_and_report(env: RigCutEnv, policy: Policy, *, seed: int, episode: int) -
 
 
 def _slowness(told: dict[str, Any], env: RigCutEnv) -> str:
-    """Return a sentence on a policy that decides more slowly than the rig asks; "" if it keeps up."""
+    """Return a warning if a policy decides too slowly."""
     decision, period = told["decision_s"], 1e-3 * env.ticks
     if decision < period:
         return ""

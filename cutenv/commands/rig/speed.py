@@ -1,4 +1,4 @@
-"""Draw desired and actual speed of a cut at constant speed, as in the thesis's Figure 3.2.
+"""Draw desired and actual speed of a cut, as the thesis's Figure 3.2.
 
 A simulated cut, a cut on an emulated or fake rig, or the record of a cut: of your own rig, one of 'cutenv rig run'.
 """
@@ -36,7 +36,7 @@ _USUAL = 1.27  # [cm/s]
 
 @reports_errors("rig speed", RigError)
 def main(argv: Sequence[str]) -> int:
-    """Run the command; return 0, or 2 if an option, the record or the rig is bad."""
+    """Draw speeds; return 0, or 2 on bad input or rig."""
     arguments = _parser().parse_args(argv)
     (source,) = arguments.records
     made = str(source) in _MADE
@@ -78,7 +78,7 @@ def _gain(text: str) -> tuple[str, float]:
 
 
 def _cut(source: str, speed: float, given: dict[str, float], arguments: argparse.Namespace) -> Trace:
-    """Cut at a constant speed in the simulator or on a rig that needs no hardware; return the record."""
+    """Cut at constant speed without hardware; return the record."""
     if source == _SIMULATOR:
         return _simulated(speed, given, arguments)
     in_range("--speed-cm-s", 100.0 * speed, 0.05, 2.54, "cm/s", "Commands of a task reach 2.54; the simulator goes on.")

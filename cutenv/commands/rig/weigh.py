@@ -1,6 +1,7 @@
-"""Calibrate the force sensor by known weights, which you hang on it along the cut; nothing is powered, nothing moves.
+"""Calibrate the force sensor by known weights; nothing moves.
 
-It prints the counts per newton of a load cell, or the gain of another sensor, and how straight the line is.
+The weights are hung on it along the cut. No drive is powered. It prints the counts per newton of a load cell, or the
+gain of another sensor, and how straight the line is.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ _UNITS = {"g": 1e-3, "kg": 1.0}
 
 @reports_rig_errors("weigh")
 def main(argv: Sequence[str]) -> int:
-    """Weigh; return 0, 1 if the rig or the operator refuses, 2 if an option or the file is bad, 130 after Ctrl-C."""
+    """Weigh; return 0, 1 if refused, 2 on bad input, 130 after Ctrl-C."""
     arguments = _parser().parse_args(argv)
     masses = [mass_of(text) for text in arguments.masses]
     if arguments.write and arguments.rig in RIG_NAMES:
@@ -42,7 +43,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def mass_of(text: str) -> float:
-    """Return a mass in kilograms; raises ValueError if the text is none with a unit."""
+    """Return a mass [kg] from text with its unit."""
     match = re.fullmatch(r"([0-9.]+)(g|kg)", text)
     try:
         if match is None:
@@ -53,7 +54,7 @@ def mass_of(text: str) -> float:
 
 
 def measured_values(found: Weighing, settings: RigSettings, today: date) -> dict[tuple[str, ...], float | str]:
-    """Return what a calibration changes in the rig's file, by the names that lead to each value."""
+    """Return new values of the rig's file, by key path."""
     day: dict[tuple[str, ...], float | str] = {("calibration", "date"): today.isoformat()}
     if hasattr(settings.sensor.options, "counts_per_N"):
         counts = float(f"{abs(found.counts_per_newton):.6g}")

@@ -1,6 +1,7 @@
-"""Set the zero of a stepper, which knows no position when its board gets power: put the blade at the clamp by hand.
+"""Set the zero of a stepper, with the blade at the clamp.
 
-The motor has no power meanwhile: turn the screw until the blade's edge is at the clamp, where every cut begins.
+The blade is put there by hand. A stepper knows no position when its board gets power. The motor has no power meanwhile:
+turn the screw until the blade's edge is at the clamp, where every cut begins.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ _QUESTION = (
 
 @reports_rig_errors("zero")
 def main(argv: Sequence[str]) -> int:
-    """Set the zero; return 0, 1 if the rig or the operator refuses, 2 if the file is bad, 130 after Ctrl-C."""
+    """Set the zero; return 0, 1 (refused), 2 (bad file), 130 (Ctrl-C)."""
     arguments = _parser().parse_args(argv)
     with connected(arguments.rig) as rig:
         if not operator_of(rig.settings).confirm(_QUESTION, expected=rig.settings.name):
