@@ -1,4 +1,4 @@
-"""Real rig: motors and a force sensor behind the simulator's interface, with the safety that stops them.
+"""Real rig: motors and force sensor behind the simulator's interface, with safety.
 
 - :mod:`~cutenv.rig.safety`: the supervisor, its monitors, causes of a stop and quick stops;
 - :mod:`~cutenv.rig.devices`: protocols and registry of drivers, and the drivers of the thesis's rig;

@@ -350,7 +350,7 @@ def _measured(settings: RigSettings) -> Found:
 
 
 def _counts(name: str, axis: Axis) -> Found:
-    """Yield contradictions if no drive can express this axis in increments and units of speed."""
+    """Yield contradictions if no drive can express this axis in its units."""
     mechanics = (f"{name}.pulses", f"{name}.gear", f"{name}.lead")
     refusals = []
     for steps in (1000, 1):  # newer drives know milli-rpm, older ones whole rpm

@@ -18,7 +18,7 @@ from cutenv.rig.spine import mounted_spine
 def rig_plant(
     settings: RigSettings, clock: Clock | None = None, *, file: str | os.PathLike[str] | None = None
 ) -> RigPlant:
-    """Make the plant of a rig, real or emulated, without connecting to it.
+    """Make a rig's plant, real or emulated, without connecting.
 
     Its spine has a process of its own, unless a ``clock`` is given: drivers and safety then run by it, in this process.
     Beside the rig's ``file``, with the ending ``.proven``, the day is noted on which the stop button was proven.

@@ -38,9 +38,10 @@ _REMEMBERED = 400  # moments that are remembered: two for each decision
 
 
 class Heading:
-    """Direction of a blade in the plane, as angle to the axis of the slab [rad], positive to the left.
+    """Direction of a blade in the plane [rad], positive to the left.
 
-    No drive turns the blade about its vertical axis: the two axes lead it where it is to point.
+    It is the angle to the axis of the slab. No drive turns the blade about its vertical axis: the two axes lead it
+    where it is to point.
     """
 
     def __init__(self) -> None:
@@ -56,11 +57,11 @@ class Heading:
         return self._moments[-1][1]
 
     def turn(self, rate: float, start: float, end: float) -> None:
-        """Turn at a rate [rad/s] from a time ``start`` to ``end`` [s]."""
+        """Turn at a rate [rad/s] from ``start`` to ``end`` [s]."""
         self._moments += [(start, self.now), (end, self.now + rate * (end - start))]
 
     def at(self, times: Array) -> Array:
-        """Return the directions at times [s], shape (n,) [rad]; before the first turn and after the last they stay."""
+        """Return directions at times [s], shape (n,) [rad], constant beyond turns."""
         moments = np.array(self._moments)
         if not math.isfinite(moments[0, 0]):
             moments[0, 0] = moments[1, 0] if len(moments) > 1 else 0.0
@@ -68,9 +69,10 @@ class Heading:
         return headings
 
     def speeds(self, speed: float, time: float, *, lead: float) -> tuple[float, float]:
-        """Return the speeds along the slab and to its left [m/s] of a blade that goes where it points at a time [s].
+        """Return speeds along the slab and to its left [m/s] at a time [s].
 
-        The direction is that to which it will have turned after ``lead`` [s], the lag of the axes' velocity loops.
+        The blade goes where it points. The direction is that to which it will have turned after ``lead`` [s], the lag
+        of the axes' velocity loops.
         """
         heading = self.now
         if len(self._moments) > 1:
@@ -138,12 +140,12 @@ class ReadingGrid:
         self._motions[axis].append(sample)
 
     def strongest_since(self, moment: float) -> float | None:
-        """Return the force along the cut that was farthest from zero since ``moment`` [s], in N; None without any."""
+        """Return the strongest force along the cut [N] since ``moment`` [s], or None."""
         along = [self._sign * sample.force[self._cut_axis] for sample in newest_since(self._forces, moment)]
         return max(along, key=abs, default=None)
 
     def collect(self, ticks: int) -> StructArray:
-        """Return the next ``ticks`` readings: the newest force at each, the motion interpolated between samples."""
+        """Return the next ``ticks`` readings: newest force, interpolated motion."""
         readings = np.zeros(ticks, READING)
         for name in _UNKNOWN:
             readings[name] = np.nan
@@ -173,7 +175,7 @@ class ReadingGrid:
         return readings
 
     def _turn_to_heading(self, readings: StructArray, time: NDArray[np.float64]) -> None:
-        """Turn force and speed into the direction of the blade; tell positions along the line."""
+        """Turn force and speed to the blade's direction, positions to line."""
         assert self.channels is not None
         heading = self._heading.at(time)
         ahead, across = np.cos(heading), np.sin(heading)
@@ -187,7 +189,7 @@ class ReadingGrid:
             readings["position"] = along_line(self.line, x, y)[0]
 
     def _measured_channels(self, time: NDArray[np.float64], samples: list[ForceSample]) -> NDArray[np.void]:
-        """Return height, forces across the cut and all six components at times [s], of the force sample of each."""
+        """Return height, cross forces and all six components at times [s]."""
         channels = np.zeros(len(time), CHANNEL_READINGS)
         if self._height is not None:
             channels["height"], _ = self._interpolated("height", time)
@@ -284,7 +286,7 @@ class RigPlant(Travel):
 
     @property
     def depth(self) -> NDArray[np.float64]:
-        """Depth of cut as measured beforehand, one value every 0.5 mm, shape (301,) [m]; 0 until it is set."""
+        """Measured depth of cut every 0.5 mm, shape (301,) [m]; 0 until set."""
         return self._depth
 
     @depth.setter
@@ -295,7 +297,7 @@ class RigPlant(Travel):
 
     @property
     def witness(self) -> Observer | None:
-        """Receiver of samples, readings and heartbeats from now on, for measurements of the rig itself; or None."""
+        """Receiver of new samples, readings and heartbeats, for measurements, or None."""
         return self._witness
 
     @witness.setter
@@ -309,7 +311,7 @@ class RigPlant(Travel):
         self.spine.open(self)
 
     def close(self) -> None:
-        """Stop any motion and close drives and sensor; never raises for a rig that is gone; no effect in a fork."""
+        """Stop any motion, close all devices; never raises, no effect in a fork."""
         if self.owner.here:
             self.spine.close()
             self._left = True
@@ -323,7 +325,7 @@ class RigPlant(Travel):
         self.spine.switch_off()
 
     def lower(self, limits: SafetyLimits) -> None:
-        """Adopt each limit that is stricter than the present one, see :meth:`Supervisor.lower`."""
+        """Adopt each stricter limit, see :meth:`Supervisor.lower`."""
         self.supervisor.lower(limits)
         self.settings = self.supervisor.settings
 
@@ -416,9 +418,10 @@ class RigPlant(Travel):
         return self._collect(int(ticks))
 
     def _go(self, speed: float, angle: float, descent_speed: float, period: float) -> float:
-        """Command a blade to go where it points, until the end of the period; return the angle to turn to [rad].
+        """Command a blade where it points; return its angle [rad].
 
-        However late in the period it is, the next command may be as late as after the first one.
+        That is the angle to turn to until the end of the period. However late in the period it is, the next command may
+        be as late as after the first one.
         """
         assert self._due is not None
         now = self.clock.now()
@@ -429,7 +432,7 @@ class RigPlant(Travel):
         return self._drive(ahead, angle, hold=hold, height=-descent_speed, side=left)
 
     def halt(self) -> None:
-        """Bring the blade to rest on its ramp, as at the end of a cut, and lock the rig."""
+        """Brake on the ramp, as at a cut's end, and lock the rig."""
         self._cutting = False
         if self.supervisor.phase == "ready":
             deadline = self.clock.now() + REST_WITHIN
@@ -447,12 +450,12 @@ class RigPlant(Travel):
 
     @property
     def level(self) -> float:
-        """The same as :attr:`height`, under the name that :class:`cutenv.sim.plant.DescendingPlant` has for it [m]."""
+        """Alias of :attr:`height` for :class:`cutenv.sim.plant.DescendingPlant` [m]."""
         return self.height
 
     @property
     def vertical_force(self) -> NDArray[np.float64]:
-        """Force of the tissue on the blade, upwards, as measured during the last :meth:`advance`, shape (ticks,) [N].
+        """Upward force of the tissue during the last :meth:`advance`, shape (ticks,) [N].
 
         Raises ValueError for a rig without a height axis.
         """
@@ -474,16 +477,16 @@ class RigPlant(Travel):
 
     @property
     def began(self) -> float:
-        """Time of the rig's clock at which the time of the present cut's readings is zero [s]."""
+        """Rig's clock time at which the cut's readings start from zero [s]."""
         return self._grid.start
 
     @property
     def angle(self) -> float:
-        """Last reported angle of the blade, or the angle set by hand [rad]."""
+        """Last reported or manually set blade angle [rad]."""
         return self._angle_now()
 
     def strongest_since(self, moment: float) -> float | None:
-        """Return the force along the cut that was farthest from zero since ``moment`` [s], in N; None without any."""
+        """Return the strongest force along the cut [N] since ``moment`` [s], or None."""
         return self._grid.strongest_since(moment)
 
     def _note_timing(self) -> None:
@@ -497,7 +500,7 @@ class RigPlant(Travel):
     def _wait(
         self, moment: float, angle: float, *, fastest: float = TURN_RATE, go: Callable[[], float] | None = None
     ) -> None:
-        """Wait until ``moment`` [s] or a stop, closing the angle's loop, and turning the heading, at every SYNC."""
+        """Wait until ``moment`` [s] or stop, controlling angle and heading."""
         now = self.clock.now()
         while now < moment and self.supervisor.phase == "ready":
             if self._turns:

@@ -176,7 +176,7 @@ def _settings(text: str, path: Path) -> RigSettings:
 
 
 def _needed(drivers: Mapping[str, Any], path: Path) -> set[str]:
-    """Return the fields, as in ``"blade.lead"``, that the drivers of a rig's sections need from a person."""
+    """Return the fields drivers need from a person, such as ``"blade.lead"``."""
     needed = set()
     for role, kind in KIND_OF_ROLE.items():
         if role in drivers:
@@ -185,7 +185,7 @@ def _needed(drivers: Mapping[str, Any], path: Path) -> set[str]:
 
 
 def _driver_of(role: str, given: Any, path: Path | str) -> str:
-    """Return the name of a section's driver, the default one if none is given."""
+    """Return a section's driver name, by default the default one."""
     default: str = next(key.default for key in _NAMED[role].keys if key.field == "driver")
     if given is not None and not (isinstance(given, str) and given):
         raise ValueError(f"{path}: [{role}] driver must be a text in quotation marks, got {given!r}.")
@@ -201,7 +201,7 @@ def _needed_by(role: str, driver: str, kind: DriverKind, path: Path) -> set[str]
 
 
 def _missing_options(role: str, table: Mapping[str, Any], path: Path) -> list[str]:
-    """Return the options of a section's driver that only a person can supply and that are missing."""
+    """Return missing driver options that only a person can supply."""
     keys = option_keys(KIND_OF_ROLE[role], _driver_of(role, table.get("driver"), path))
     given = table.get(OPTIONS, {})
     return [f"{role}.{OPTIONS}.{key.name}" for key in keys if key.example and key.name not in given]
@@ -213,7 +213,7 @@ def _is_needed(section: FileSection, key: FileKey, needed: set[str]) -> bool:
 
 
 def _check_calibrated(settings: RigSettings) -> None:
-    """Raise an error for a calibration in the future, by this computer's clock."""
+    """Raise an error for a calibration in the future."""
     calibrated, today = settings.calibration.date, date.today()
     if calibrated and day_of(calibrated) > today:
         raise ValueError(
@@ -222,7 +222,7 @@ def _check_calibrated(settings: RigSettings) -> None:
 
 
 def _check_emulated(settings: RigSettings) -> None:
-    """Raise an error for a rig that is marked as emulated, so needs no operator, but is not on this computer."""
+    """Raise an error for a rig marked as emulated on another computer."""
     if not settings.emulated:
         return
     for role, name in driven_roles(settings).items():
@@ -235,7 +235,7 @@ def _check_emulated(settings: RigSettings) -> None:
 
 
 def _tables(content: Mapping[str, Any], path: Path) -> dict[str, Mapping[str, Any]]:
-    """Return names and values of every section, the top one under ""; optional ones only if they are there."""
+    """Return sections with values, the top under "", optional if present."""
     sections = {name: section for name, section in _NAMED.items() if name}
     for name, value in content.items():
         one_of(f"{path}: name", name, [key.name for key in _NAMED[""].keys] + list(sections))
@@ -251,7 +251,7 @@ def _tables(content: Mapping[str, Any], path: Path) -> dict[str, Mapping[str, An
 
 
 def _part(section: FileSection, table: Mapping[str, Any], path: Path) -> Any:
-    """Return a section as its dataclass, or for the top one as a dictionary by field name."""
+    """Return a section as its dataclass, the top as a dictionary."""
     where = f"{path}: [{section.name}] " if section.name else f"{path}: "
     values = _values(section.keys, table, where)
     if section.name in KIND_OF_ROLE:
@@ -279,7 +279,7 @@ def _values(keys: Iterable[FileKey], table: Mapping[str, Any], where: str) -> di
 
 
 def _driver_options(role: str, driver: str, table: Any, path: Path) -> Any:
-    """Return the options of a section's driver, of the class that it declares; None if it declares none."""
+    """Return a driver's options, of its declared class, or None."""
     where, kind = f"{path}: [{role}.{OPTIONS}] ", KIND_OF_ROLE[role]
     of, keys = traits_of(kind, driver).options, option_keys(kind, driver)
     if not isinstance(table, dict):
@@ -303,7 +303,7 @@ def _made(of: type[Any], values: Mapping[str, Any], where: str) -> Any:
 
 
 def _value(key: FileKey, raw: Any, name: str) -> Any:
-    """Return a value of the file in SI, with the field's type."""
+    """Return a value of the file in SI, with its field's type."""
     if key.kind is tuple:
         return _profile(key, raw, name)
     if key.kind is float:
@@ -350,15 +350,16 @@ _WIDTH = 116  # characters of a comment, after its mark
 
 
 def template(name: str = "rig", like: RigSettings | None = None) -> str:
-    """Return a new rig's file: every key with meaning, unit, range and default; it is refused until filled in.
+    """Return a new rig's file with explained keys, refused until filled in.
 
-    Values and drivers are those of ``like``, by default of a CANopen drive and a Net F/T.
+    A key has its meaning, unit, range and default. Values and drivers are those of ``like``, by default of a CANopen
+    drive and a Net F/T.
     """
     return _text(replace(like or RigSettings(), name=name), to_fill=True)
 
 
 def to_toml(settings: RigSettings) -> str:
-    """Return the file of a rig, commented like the template, with up to 15 digits, for :func:`read_rig_file`."""
+    """Return a rig's commented file, with 15 digits, for :func:`read_rig_file`."""
     return _text(settings, to_fill=False)
 
 
@@ -378,7 +379,7 @@ def _text(settings: RigSettings, *, to_fill: bool) -> str:
 
 
 def _unread(settings: RigSettings) -> set[str]:
-    """Return the fields, as in ``"bus.host"``, that no driver of this rig reads."""
+    """Return the fields that no driver reads, such as ``"bus.host"``."""
     drivers = driven_roles(settings)
     used = set(drivers.values()) | {"opencv"}
     unread = set().union(*(keys for name, keys in SHIPPED_KEYS.items() if name not in used))
@@ -422,7 +423,7 @@ def _key_lines(keys: Iterable[FileKey], part: Any, *, to_fill: bool, comments: b
 
 
 def key_comment(key: FileKey) -> list[str]:
-    """Return the comment above a key, in lines: its meaning, range, choices and default."""
+    """Return a key's comment: meaning, range, choices, default."""
     about = [key.meaning]
     if key.limits:
         sign = "" if key.unit.sign == "1" else f" {key.unit.sign}"

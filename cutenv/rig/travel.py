@@ -49,16 +49,17 @@ class Travel(ABC):
 
     @abstractmethod
     def _wait(self, moment: float, angle: float, *, fastest: float) -> None:
-        """Wait until ``moment`` [s] or a stop, turning to ``angle`` [rad] at no more than ``fastest`` [rad/s]."""
+        """Wait until ``moment`` [s] or stop, turning to ``angle`` [rad] within ``fastest`` [rad/s]."""
 
     @abstractmethod
     def _come_to_rest(self, report: StopReport) -> StructArray:
-        """Wait until the blade is at rest; return the readings of the cut until then."""
+        """Wait for rest; return the cut's readings until then."""
 
     def travel(self, position: float, *, speed: float, angle: float | None = None) -> None:
-        """Move to ``position`` [m] at no more than ``speed`` [m/s], outside a cut; turn slowly to ``angle`` [rad].
+        """Move to ``position`` [m] within ``speed`` [m/s], outside a cut.
 
-        The blade turns only on arrival, because on its way it may still be in tissue.
+        It turns slowly to ``angle`` [rad]. The blade turns only on arrival, because on its way it may still be in
+        tissue.
 
         Raises
         ------
@@ -85,12 +86,14 @@ class Travel(ABC):
         self._wait(self.clock.now() + SLICE, wanted, fastest=SLOW_TURN)
 
     def raise_to(self, height: float, *, speed: float = RAISE_SPEED) -> None:
-        """Move the blade up or down to ``height`` [m] outside a cut, see :meth:`carry`."""
+        """Move the blade vertically to ``height`` [m], see :meth:`carry`."""
         self.settings.require_height_axis(by="raise_to")
         self.carry("height", height, speed=speed)
 
     def carry(self, axis: str, place: float, *, speed: float = RAISE_SPEED) -> None:
-        """Move the blade across the cut to ``place`` [m] of an axis, at no more than ``speed`` [m/s], outside a cut.
+        """Move a cross axis to ``place`` [m] outside cuts.
+
+        It moves at no more than ``speed`` [m/s].
 
         Raises
         ------
@@ -102,9 +105,10 @@ class Travel(ABC):
         self._carry({axis: place}, speed=speed, fault=fault)
 
     def retrace(self, *, speed: float) -> None:
-        """Move the blade back along the way that it has come since the last cut began, and to the middle of the clamp.
+        """Move the blade back along its way to the clamp's middle.
 
-        A rig without an axis to the side does nothing.  See :meth:`carry` for errors.
+        The way is that since the last cut began. A rig without an axis to the side does nothing.  See :meth:`carry` for
+        errors.
         """
         if self.settings.side is None:
             return
@@ -117,7 +121,7 @@ class Travel(ABC):
         self._carry({"blade": min(self.position, 0.0), "side": 0.0}, speed=speed, fault=Cause.STUCK)
 
     def _carry(self, to: dict[str, float], *, speed: float, fault: Cause | None, passing: bool = False) -> None:
-        """Move straight axes to places [m], together, at no more than ``speed`` [m/s] each.
+        """Move straight axes together to places [m], each within ``speed`` [m/s].
 
         The blade rests there, unless it is only ``passing``. One that does not arrive in time is stopped with the cause
         ``fault``, if there is one.
@@ -148,7 +152,7 @@ class Travel(ABC):
             self._wait(self.clock.now() + SLICE, held, fastest=SLOW_TURN)
 
     def place(self, name: str) -> float:
-        """Return the last reported position of an axis [m] or [rad]; raises RigError before the first sample."""
+        """Return an axis's last position [m] or [rad]; RigError before any sample."""
         sample = self.supervisor.axis(name)
         if sample is None:
             raise RigError(f"the {name} axis has reported no position: open the rig first, if it has one.")
@@ -156,12 +160,12 @@ class Travel(ABC):
 
     @property
     def height(self) -> float:
-        """Last reported height of the blade's lower end [m], upwards; raises RigError before the first sample."""
+        """Last height of the blade's lower end [m]; RigError before any sample."""
         return self.place("height")
 
     @property
     def position(self) -> float:
-        """Last reported position of the blade [m]; raises RigError before the first sample."""
+        """Last position of the blade [m]; RigError before any sample."""
         return self.place("blade")
 
     def _turned(self, wanted: float) -> bool:
@@ -172,7 +176,7 @@ class Travel(ABC):
         return self.settings.fixed_angle if sample is None else sample.position
 
     def _drive(self, speed: float, angle: float, *, hold: float, **across: float) -> float:
-        """Send a command; raise :class:`RigStopped` if a thread has stopped the blade at this moment."""
+        """Send a command; raise :class:`RigStopped` if a thread has stopped the blade."""
         self.owner.check()
         try:
             return self.supervisor.drive(speed, angle, hold, **across)

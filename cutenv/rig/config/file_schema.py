@@ -52,11 +52,11 @@ class FileKey(NamedTuple):
         return self.field if pure or self.field.endswith(self.unit.name) else f"{self.field}_{self.unit.name}"
 
     def to_si(self, number: float) -> float:
-        """Convert from the file's unit to SI, exactly where possible: 3.81 cm are 0.0381 m."""
+        """Convert to SI, exactly where possible: 3.81 cm are 0.0381 m."""
         return self.unit.to_si(number)
 
     def from_si(self, value: float) -> float:
-        """Convert from SI to the file's unit, in as few digits as restore the value exactly, and 15 at most."""
+        """Convert from SI with the fewest exact digits, 15 at most."""
         number = value / self.unit.factor
         shorter = (float(f"{number:.{digits}g}") for digits in (6, 12))
         return next((short for short in shorter if self.to_si(short) == value), float(f"{number:.15g}"))
@@ -95,7 +95,7 @@ _ABOUT = {
 
 
 def _sections() -> Iterator[FileSection]:
-    """Yield the sections of the file, the lines at the top first."""
+    """Yield the file's sections, the top lines first."""
     yield FileSection("", "", RigSettings, keys_of(RigSettings))
     hints = typing.get_type_hints(RigSettings)
     for name, about in _ABOUT.items():
@@ -104,7 +104,7 @@ def _sections() -> Iterator[FileSection]:
 
 
 def keys_of(of: type[Any], *, hinge: bool = False) -> tuple[FileKey, ...]:
-    """Return the keys of a dataclass whose fields are settings; ``hinge``: in a hinge's units, not a screw's."""
+    """Return the keys of a dataclass of settings; ``hinge`` selects a hinge's units."""
     hints, which = typing.get_type_hints(of), -1 if hinge else 0
     keys = []
     for field in dataclasses.fields(of):
@@ -132,7 +132,7 @@ IDENTIFIED = SECTIONS[-1]
 
 
 def setting_text(settings: RigSettings, field: str) -> str:
-    """Return a setting as in the file, such as ``limits.high_mm = 148`` for the field ``"limits.high"``."""
+    """Return a setting as in the file: ``limits.high_mm = 148`` for ``"limits.high"``."""
     of, _, name = field.rpartition(".")
     section = next(section for section in SECTIONS if section.name == of)
     key = next(key for key in section.keys if key.field == name)

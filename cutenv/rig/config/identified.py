@@ -18,10 +18,10 @@ _OF_A_VELOCITY_LOOP = ("motor_lag", "backlash")
 
 
 def environment_arguments(identified: Identified, control: PositionControl | None = None) -> dict[str, float]:
-    """Return the measured values as keyword arguments for ``gymnasium.make("cutenv/GentleCut-v1", ...)``, in SI.
+    """Return measured values as keyword arguments for ``gymnasium.make``, in SI.
 
-    With the ``control`` of a rig under PD position control, which has neither a velocity loop's lag nor backlash in the
-    simulator, its gains are among them; they are for ``drive="pd"``.
+    They are those of ``"cutenv/GentleCut-v1"``. With the ``control`` of a rig under PD position control, which has
+    neither a velocity loop's lag nor backlash in the simulator, its gains are among them; they are for ``drive="pd"``.
 
     Examples
     --------

@@ -38,7 +38,7 @@ class MountedSpecimen:
     """Line along which its profiles lie, for a rig with an axis to the side; default the axis of the slab."""
 
     def drawn(self) -> Specimen:
-        """Return the specimen; raises ValueError if seed, episode or class is invalid."""
+        """Return the specimen; raise ValueError for invalid seed, episode or class."""
         if self.specimen is not None:
             return self.specimen
         return Specimen.drawn(self.seed, self.episode, specimen_class=self.specimen_class, tissue=self.tissue)
@@ -51,7 +51,7 @@ _CURE = "Measure the specimen by caliper: depth_profile = [[position_mm, depth_m
 
 
 def check_depth_profile(profile: Sequence[tuple[float, float]], reach: float) -> None:
-    """Raise an error for a profile that does not give the depth along a whole cut.
+    """Raise an error for a profile that misses part of a cut.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def check_depth_profile(profile: Sequence[tuple[float, float]], reach: float) ->
 
 
 def measured_depth(settings: RigSettings, target: float | None = None) -> NDArray[np.float64]:
-    """Return the measured depth of cut every 0.5 mm from the clamp on, shape (301,) [m].
+    """Return the measured depth every 0.5 mm, shape (301,) [m].
 
     Linear between the points of the profile, constant beyond its ends.
 
@@ -108,5 +108,5 @@ def measured_depth(settings: RigSettings, target: float | None = None) -> NDArra
 
 
 def reach_of(settings: RigSettings) -> float:
-    """Return the distance that any profile has to cover [m]: the shortest cut, or the end of travel if less."""
+    """Return the distance a profile must cover [m]: at most the shortest cut."""
     return min(SHORTEST, settings.limits.high)

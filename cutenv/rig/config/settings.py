@@ -124,7 +124,7 @@ class Axis:
 
 @dataclass(frozen=True, kw_only=True)
 class CrossAxis(Axis):
-    """Drive that moves the blade across the cut in a straight line, with its own limits."""
+    """Drive that moves the blade straight across the cut, with limits."""
 
     ends: ClassVar[tuple[str, str]]
     """Names of the fields for the two ends of travel at which the blade is stopped."""
@@ -164,7 +164,7 @@ class CrossAxis(Axis):
         return low, high
 
     def felt(self, force: tuple[float, float, float]) -> float:
-        """Return the force of the tissue along this axis [N], in the sense of ``force_sign``, from the sensor's [N]."""
+        """Return the tissue's force along this axis [N], signed by ``force_sign``."""
         return self.force_sign * force["xyz".index(self.force_axis)]
 
 
@@ -288,7 +288,7 @@ class PositionControl:
 
 @dataclass(frozen=True, kw_only=True)
 class SensorSettings:
-    """Settings of a force sensor, and the direction of the cut in its axes."""
+    """Settings of a force sensor, with the cut's direction."""
 
     driver: str = setting("netft", "1", DRIVER)
     options: Any = None
@@ -372,18 +372,18 @@ class SafetyLimits:
 
     @property
     def _blind_times(self) -> dict[str, float]:
-        """Longest times in which a fault may stay unseen [s], by the limit that allows them."""
+        """Longest times of unseen faults [s], by limit."""
         names = ("stale_force", "late_force", "frozen_force", "stale_motion", "heartbeat")
         return {name: getattr(self, name) for name in names} | {"overrun": (1.0 + self.overrun) * _DECISION}
 
     @property
     def blind_way(self) -> float:
-        """Way that the blade may go at its greatest speed while a fault is not seen yet [m]."""
+        """Distance at top speed while a fault is unseen [m]."""
         return self.speed * max(self._blind_times.values())
 
     @property
     def fingerprint(self) -> str:
-        """Hash of all the limits, for records: equal for equal limits only."""
+        """Hash of all limits, for records; equal for equal limits only."""
         text = "\n".join(f"{name} = {value!r}" for name, value in dataclasses.asdict(self).items())
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
@@ -394,7 +394,7 @@ class SafetyLimits:
         return SafetyLimits(**{name: max(pair) if name in inward else min(pair) for name, pair in pairs.items()})
 
     def lowered(self, **lower: float | None) -> SafetyLimits:
-        """Return limits with some of them lowered (None: unchanged), as from the command line.
+        """Return limits, some lowered; None leaves one unchanged.
 
         A lower ``force_norm`` also lowers ``force``, which would otherwise have no effect.
 
@@ -422,9 +422,9 @@ LOWERED = ("force", "force_norm", "torque", "force_rise", "speed", "high")
 
 @dataclass(frozen=True, kw_only=True)
 class Identified:
-    """Properties measured by ``cutenv rig identify``, which the simulator adopts, in SI; None: not measured.
+    """Properties measured by ``cutenv rig identify``, in SI, None if not measured.
 
-    The axis's friction is a property of the rig that the force sensor does not see.
+    The simulator adopts them. The axis's friction is a property of the rig that the force sensor does not see.
     """
 
     date: str | None = setting(None, "1", "Day of the measurement.")
@@ -541,13 +541,13 @@ class RigSettings:
 
     @property
     def axes(self) -> dict[str, Axis]:
-        """Driven axes by name: the blade's, and "angle", "height" and "side" where the rig has them."""
+        """Driven axes by name: blade, and any "angle", "height", "side"."""
         driven = {"blade": self.blade, "angle": self.angle, **self.cross_axes}
         return {name: axis for name, axis in driven.items() if axis is not None}
 
     @property
     def cross_axes(self) -> dict[str, CrossAxis]:
-        """Axes across the cut by name: "height" and "side" where the rig has them."""
+        """Axes across the cut by name: any "height" and "side"."""
         return {name: axis for name, axis in (("height", self.height), ("side", self.side)) if axis is not None}
 
     @property
@@ -561,13 +561,13 @@ class RigSettings:
         }
 
     def require_height_axis(self, *, by: str) -> HeightAxis:
-        """Return the height axis; ``by`` names what needs it; raises ValueError if the rig has none."""
+        """Return the height axis; raise ValueError, naming ``by``, without one."""
         if self.height is None:
             raise ValueError(self._lacks(by, "height", "raises and lowers the blade", "at constant height"))
         return self.height
 
     def require_side_axis(self, *, by: str) -> SideAxis:
-        """Return the axis to the side; ``by`` names what needs it; raises ValueError if the rig has none."""
+        """Return the side axis; raise ValueError, naming ``by``, without one."""
         if self.side is None:
             raise ValueError(self._lacks(by, "side", "moves the blade to the side", "along a straight line"))
         return self.side
@@ -581,7 +581,7 @@ class RigSettings:
 
 
 def day_of(text: str) -> date:
-    """Return the day of an ISO 8601 text, such as ``2026-03-01`` or ``2026-03-01T14:05:00``.
+    """Return the day of an ISO 8601 text, such as ``2026-03-01T14:05:00``.
 
     Raises
     ------
@@ -595,7 +595,7 @@ def day_of(text: str) -> date:
 
 
 def expired(calibration: SensorCalibration, today: date) -> str | None:
-    """Return the reason why the calibration is not valid on that day (never, in the future, too old), or None."""
+    """Return why a calibration is invalid (missing, future, too old), or None."""
     cure = "Hang known weights on the sensor, and write the day as calibration.date into the rig's file."
     if not calibration.date:
         return f"the force sensor was never checked. {cure}"
@@ -624,12 +624,12 @@ SIDE = SideAxis()
 
 
 def across(*names: str) -> dict[str, CrossAxis]:
-    """Return the axes across the cut with these names, "height" and "side", as arguments of settings."""
+    """Return the named cross axes, "height" and "side", as settings arguments."""
     return {name: axis for name, axis in (("height", HEIGHT), ("side", SIDE)) if name in names}
 
 
 def fake_settings(**changes: object) -> RigSettings:
-    """Return settings of a rig that needs no hardware: angle free, calibrated today, armed; across(...) adds axes."""
+    """Return settings without hardware: angle free, calibrated today, armed; across(...) adds axes."""
     hinge = Axis(
         node=2, gear=100.0, lead=2.0 * math.pi, low=math.radians(44.0), high=math.radians(91.0),
         speed=math.radians(90.0), acceleration=100.0, quick_stop=100.0, following_error=0.1,

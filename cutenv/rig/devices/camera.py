@@ -69,9 +69,9 @@ class RigCamera:
         self._ask({"begin": True})
 
     def put_depth(self, record: Path) -> None:
-        """Have the depth put into a finished record, with a note under :data:`CAMERA_NOTE`; waits for it.
+        """Put the depth into a finished record, and wait for it.
 
-        The record stays as it is if the camera's process is gone.
+        A note is added under :data:`CAMERA_NOTE`. The record stays as it is if the camera's process is gone.
         """
         self._answered.clear()
         if self._ask({"record": str(record)}):

@@ -25,7 +25,7 @@ STATE_LIMIT = 1.0
 
 
 class AxisDriver(ABC):
-    """Axis on a device that reports its state by itself; a :class:`~cutenv.rig.devices.protocols.MotionDriver`.
+    """Axis that reports its state; a :class:`~cutenv.rig.devices.protocols.MotionDriver`.
 
     After :meth:`quick_stop` nothing that could give the device power or speed is sent until the latch is reset, because
     on some a command would start the blade again.
@@ -63,7 +63,7 @@ class AxisDriver(ABC):
 
     @abstractmethod
     def _connect(self) -> None:
-        """Find the device, check who answers, write and verify the set-up, and wait for its reports."""
+        """Find and identify the device, verify its set-up, await reports."""
 
     @abstractmethod
     def _disconnect(self) -> None:
@@ -71,7 +71,7 @@ class AxisDriver(ABC):
 
     @abstractmethod
     def _rest(self) -> None:
-        """Bring the axis to rest without power, as the last act before leaving."""
+        """Bring the axis to rest without power, before leaving."""
 
     @abstractmethod
     def _switch_on(self) -> None:
@@ -79,7 +79,7 @@ class AxisDriver(ABC):
 
     @abstractmethod
     def _send_speed(self, target: float) -> None:
-        """Send a checked speed, in the unit of :meth:`_target`, by :meth:`_energise`."""
+        """Send a checked speed of :meth:`_target` by :meth:`_energise`."""
 
     @abstractmethod
     def _send_stop(self, *, for_good: bool = False) -> None:
@@ -117,7 +117,7 @@ class AxisDriver(ABC):
             raise
 
     def close(self) -> None:
-        """Leave the axis at rest without power, and leave bus or port; never raises, and may be called twice."""
+        """Leave the axis at rest unpowered, free the port; never raises, may be repeated."""
         if self._listener is None:
             return
         try:
@@ -150,7 +150,7 @@ class AxisDriver(ABC):
             raise RigError(f"{self.name}: stopped while it was powered on{self._error}; clear it first.")
 
     def command(self, speed: float) -> None:
-        """Send a target speed [m/s or rad/s], without waiting for an answer.
+        """Send a target speed [m/s or rad/s], without waiting.
 
         Raises
         ------
@@ -170,9 +170,9 @@ class AxisDriver(ABC):
         return in_range(f"{self.name} speed", speed, -top, top, "m/s", "The top speed is in the rig's file.")
 
     def quick_stop(self, *, for_good: bool = False) -> None:
-        """Send a quick stop: at once, from any thread, without waiting, in any state.
+        """Send a quick stop at once, from any thread and state.
 
-        With ``for_good`` no command ends the stop before rest, and the device then has no power.
+        It does not wait. With ``for_good`` no command ends the stop before rest, and the device then has no power.
 
         Raises
         ------
@@ -184,14 +184,14 @@ class AxisDriver(ABC):
         self._send_stop(for_good=for_good)
 
     def withhold_heartbeat(self, why: str) -> None:
-        """End this computer's sign of life until :meth:`clear`: the device's own watchdog then stops it."""
+        """End the sign of life until :meth:`clear`; the device's watchdog then stops it."""
         self.latch.happens(Event.STOP)
         self._may_move = False
         _log.warning("%s: %s: %s", self.name, why, self.silence)
         self._fall_silent()
 
     def _energise(self, send: Callable[[], None]) -> None:
-        """Send what may start the blade, but never after a quick stop from another thread."""
+        """Send what may start the blade, but never after another thread's quick stop."""
         if self.latch.closed:
             raise RigError(f"{self.name}: stopped; clear it first.")
         send()
@@ -202,7 +202,7 @@ class AxisDriver(ABC):
     # Reports
 
     def lost(self, why: str, time: float) -> None:
-        """Take the report that the device cannot be reached since ``time`` [s]; pass on only the first."""
+        """Take the report of a device lost since ``time`` [s]; only the first counts."""
         with self._changed:
             first, self._lost = self._lost is None, self._lost or why
             self._may_move = False
@@ -213,7 +213,7 @@ class AxisDriver(ABC):
     # Waiting
 
     def _wait(self, come: Callable[[], bool], limit: float) -> bool:
-        """Wait until ``come()`` is true and return whether it is; raise RigError if the device cannot be reached."""
+        """Wait until ``come()``; return whether it did; RigError if lost."""
         self._clock.wait_for(lambda: come() or self._lost is not None, limit, self._changed)
         if self._lost is not None:
             raise RigError(f"{self.name}: {self._lost}.")
@@ -224,7 +224,7 @@ class AxisDriver(ABC):
             raise RigError(f"{self.name}: the {self.device} does not {what} within {limit:.1f} s{self._late()}")
 
     def _late(self) -> str:
-        """Return the end of the message about a device that does not do in time what it was asked to."""
+        """Return the end of a message about a late device."""
         return "."
 
     def _await_rest(self, rests: Callable[[], bool]) -> None:
@@ -233,7 +233,7 @@ class AxisDriver(ABC):
         self._await(rests, "come to rest", stopping)
 
     def _fresh(self) -> None:
-        """Wait for a report younger than now, because an older one does not reflect the last command."""
+        """Wait for a new report, which reflects the last command."""
         self._check_open()
         seen = self._reports
         self._await(lambda: self._reports > seen + 1, "report its state", self.report_limit)
@@ -295,7 +295,7 @@ class StreamedSensor(ABC):
 
     @abstractmethod
     def _connect(self) -> None:
-        """Find the sensor, start its stream, and wait for the first reading."""
+        """Find the sensor, start its stream, await a reading."""
 
     @abstractmethod
     def _disconnect(self) -> None:
@@ -304,7 +304,7 @@ class StreamedSensor(ABC):
     @property
     @abstractmethod
     def _scales(self) -> Zero:
-        """Force [N] and torque [N m] of one count of each component."""
+        """Force [N] and torque [N m] of one count, by component."""
 
     @abstractmethod
     def _meaning(self, status: int) -> str:
@@ -331,13 +331,15 @@ class StreamedSensor(ABC):
             raise
 
     def close(self) -> None:
-        """Stop the stream and leave the port; never raises, and may be called twice."""
+        """Stop the stream and free the port; never raises, may be repeated."""
         if self._listener is not None:
             self._listener = None
             self._disconnect()
 
     def tare(self, samples: int = 200) -> tuple[float, float, float]:
-        """Take the mean of the next ``samples`` readings as zero, of torques too, while nothing touches the blade.
+        """Take the mean of the next ``samples`` readings as zero, torques too.
+
+        Meanwhile nothing may touch the blade.
 
         Returns
         -------
@@ -364,14 +366,14 @@ class StreamedSensor(ABC):
         return x, y, z
 
     def _loads(self, counts: Zero) -> Zero:
-        """Return forces [N] and torques [N m] of counts, less no zero."""
+        """Return untared forces [N] and torques [N m] of counts."""
         fx, fy, fz, tx, ty, tz = (count * scale for count, scale in zip(counts, self._scales, strict=True))
         return fx, fy, fz, tx, ty, tz
 
     # Readings
 
     def _start(self, receive: Callable[[threading.Event], None]) -> None:
-        """Call ``receive`` in a thread of its own, with the event that ends it."""
+        """Call ``receive`` in its own thread, with the ending event."""
         self._closing = threading.Event()
         self._thread = threading.Thread(target=receive, args=(self._closing,), name="force sensor", daemon=True)
         self._thread.start()
@@ -384,13 +386,13 @@ class StreamedSensor(ABC):
             thread.join(timeout=self.join_limit)
 
     def _comes(self, limit: float) -> bool:
-        """Wait until a reading has come, or cannot come; return whether one has."""
+        """Wait for a reading or a failure; return whether a reading came."""
         with self._changed:  # in the machine's time, which a sensor keeps whatever the rig's clock is
             self._changed.wait_for(lambda: self._received > 0 or bool(self._broken), limit)
         return self._received > 0
 
     def _take(self, number: int, now: float, counts: Counts, status: int, loads: Zero | None = None) -> bool:
-        """Pass on a reading in order; return whether it was passed on.
+        """Pass on a reading in order; return whether it was.
 
         ``loads`` are its forces and torques less the zero, of a sensor that converts many at once.
         """
@@ -415,20 +417,20 @@ class StreamedSensor(ABC):
         return True
 
     def _follows(self, number: int, now: float) -> None:
-        """Take note of a reading in order, before it is passed on; by default nothing."""
+        """Note an ordered reading before it is passed on; does nothing by default."""
         return
 
     def _misplaced(self, number: int, now: float, *, late: bool) -> None:
-        """Report a reading that does not follow the last one; ``late``: the same or a later one has come before."""
+        """Report a reading out of order; ``late`` if old or repeated."""
         self.garbled(f"reading {number} does not follow {self._stream.last}", now)
 
     def garbled(self, why: str, time: float) -> None:
-        """Pass on the news of something that is no valid reading."""
+        """Pass on the report of an invalid reading."""
         if (listener := self._listener) is not None:
             listener.garbled(why, time)
 
     def _note(self, broken: str = "") -> None:
-        """Wake those who wait: a reading has come, or the stream is ``broken``."""
+        """Wake waiting threads after a reading or a ``broken`` stream."""
         with self._changed:
             self._broken = broken
             self._changed.notify_all()

@@ -121,11 +121,11 @@ class Mounting:
 
     @property
     def options(self) -> Any:
-        """The driver's own options, of the class that it declares; None if it declares none."""
+        """The driver's options, of its declared class, or None."""
         return self.settings.options
 
     def share(self, key: Any, make: Callable[[], Shared]) -> Shared:
-        """Return the object that was made under ``key``, or make it: one port, bus or board for several drivers."""
+        """Return the port, bus or board made under ``key``, or make it."""
         if key not in self.shared:
             self.shared[key] = make()
         made: Shared = self.shared[key]
@@ -134,7 +134,9 @@ class Mounting:
 
 @dataclass(frozen=True, kw_only=True)
 class DriverTraits:
-    """Declaration of what a driver takes from the rig's file, and whether what it reaches is real.
+    """Declaration of a driver's keys in the rig's file.
+
+    It also tells whether what the driver reaches is real.
 
     Attributes
     ----------
@@ -229,7 +231,7 @@ _CURE = 'Is its package installed here, and is driver = "module:Class" spelled r
 
 
 def registered_drivers(kind: DriverKind) -> dict[str, RegisteredDriver]:
-    """Return the drivers of a kind by name: those of this package, then those that installed packages bring.
+    """Return a kind's drivers by name, this package's first.
 
     A package cannot take a name of this package's: its driver is then listed under ``package.name``.
     """
@@ -242,7 +244,7 @@ def registered_drivers(kind: DriverKind) -> dict[str, RegisteredDriver]:
 
 
 def driver_named(kind: DriverKind, name: str) -> RegisteredDriver:
-    """Return the driver that a rig's file names: a registered one, or ``module:Class``.
+    """Return a driver by its registered name or ``module:Class``.
 
     Raises
     ------
@@ -277,7 +279,7 @@ def traits_of(kind: DriverKind, name: str) -> DriverTraits:
 
 
 def option_keys(kind: DriverKind, name: str) -> tuple[FileKey, ...]:
-    """Return the keys of the options table of a driver; raises ValueError if there is no such driver."""
+    """Return keys of a driver's options; ValueError if unknown."""
     options = traits_of(kind, name).options
     return () if options is None else keys_of(options)
 
@@ -301,5 +303,5 @@ def driven_roles(rig: RigSettings) -> dict[str, str]:
 
 
 def axes_driven_by(rig: RigSettings, driver: str) -> dict[str, Axis]:
-    """Return the axes of a rig that have this driver, by name."""
+    """Return a rig's axes with this driver, by name."""
     return {name: axis for name, axis in rig.axes.items() if axis.driver == driver}

@@ -33,7 +33,10 @@ class Repeating(Protocol):
     """Handle of an action that is repeated at a fixed period."""
 
     def stop(self) -> None:
-        """End the repetition; return once the action no longer runs. May be called twice, and by the action itself."""
+        """End the repetition; return once the action has ended.
+
+        May be called twice, and by the action itself.
+        """
         ...
 
 
@@ -48,15 +51,15 @@ class Clock(Protocol):
         ...
 
     def sleep_until(self, moment: float) -> float:
-        """Wait until ``moment`` [s]; return the time reached, which may be later."""
+        """Wait until ``moment`` [s]; return the time reached."""
         ...
 
     def wait_for(self, come: Callable[[], bool], limit: float, changed: threading.Condition) -> bool:
-        """Wait at most ``limit`` [s] until ``come()`` is true, which ``changed`` notifies; return whether it is."""
+        """Wait up to ``limit`` [s] for ``come()``, notified by ``changed``; return its truth."""
         ...
 
     def every(self, period: float, action: Callable[[float], None], name: str) -> Repeating:
-        """Call ``action(now)`` every ``period`` [s], first after one period; missed calls are not made up."""
+        """Call ``action(now)`` every ``period`` [s], after one period; skip missed calls."""
         ...
 
 
@@ -80,7 +83,7 @@ class SystemClock:
         return time.monotonic()
 
     def sleep_until(self, moment: float) -> float:
-        """Wait until ``moment`` [s], the last half millisecond in short steps: operating systems oversleep."""
+        """Wait until ``moment`` [s], finally in short steps: systems oversleep."""
         while (left := moment - time.monotonic()) > 0.0:
             time.sleep(min(left - _FINE, _SLEPT) if left > 2 * _FINE else min(left, 5e-5))
         return time.monotonic()
@@ -91,10 +94,10 @@ class SystemClock:
             return changed.wait_for(come, timeout=limit)
 
     def every(self, period: float, action: Callable[[float], None], name: str) -> Repeating:
-        """Call ``action`` from the loop's thread, which begins with the first action and ends with the last.
+        """Call ``action`` from the loop's thread.
 
-        An action that raises is logged and reported to :attr:`failed`, and called again when it is due: the others have
-        to go on.
+        It begins with the first action and ends with the last. An action that raises is logged and reported to
+        :attr:`failed`, and called again when it is due: the others have to go on.
         """
         turn = _Turn(period, action, name, self._left)
         with self._changed:
@@ -161,19 +164,19 @@ class _Due:
         heapq.heappush(self._heap, (moment, next(self._order), turn))
 
     def first(self) -> float | None:
-        """Return when the first action is due [s]; None if there is none. Stopped ones are dropped."""
+        """Return when the first action is due [s], or None; drop stopped ones."""
         while self._heap and self._heap[0][2].stopped:
             heapq.heappop(self._heap)
         return self._heap[0][0] if self._heap else None
 
     def postpone(self) -> _Turn:
-        """Let the first action be due again after its period; return it."""
+        """Postpone the first action by its period; return it."""
         moment, _, turn = self._heap[0]
         heapq.heapreplace(self._heap, (moment + turn.period, next(self._order), turn))
         return turn
 
     def take(self) -> tuple[float, _Turn]:
-        """Remove the first action; return when it is due [s], and it."""
+        """Remove the first action; return its due time [s], and it."""
         moment, _, turn = heapq.heappop(self._heap)
         return moment, turn
 
@@ -217,7 +220,7 @@ class Attempt:
         return not self._done.is_set()
 
     def ends(self, within: float) -> bool:
-        """Wait ``within`` [s] of the machine's time; return whether the call has ended."""
+        """Wait ``within`` [s]; return whether the call has ended."""
         return self._done.wait(within)
 
 
@@ -245,7 +248,7 @@ class FakeClock:
         return self._now
 
     def wait_for(self, come: Callable[[], bool], limit: float, changed: threading.Condition) -> bool:
-        """Move on until ``come()`` is true or ``limit`` [s] has passed; due actions run on the way, in this thread."""
+        """Move on until ``come()`` or ``limit`` [s], running due actions in this thread."""
         ends = self._now + limit
         while not come() and self._now < ends:
             self.sleep_until(min(self._now + _STEP, ends))
@@ -259,10 +262,10 @@ class FakeClock:
 
 
 class PacedClock(FakeClock):
-    """Fake clock that runs no faster than the machine's, for a person who watches."""
+    """Fake clock no faster than the machine's, for watching people."""
 
     def sleep_until(self, moment: float) -> float:
-        """Wait for that time on the machine's clock, then run due actions."""
+        """Wait for a time on the machine's clock; run due actions."""
         time.sleep(max(moment - self.now(), 0.0))
         return super().sleep_until(moment)
 
@@ -320,10 +323,11 @@ def prefer(*, first_in: bool = False) -> bool:
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """Do not search what is loaded for garbage in the block, switch faster between threads, and wait less for others.
+    """Spare the block garbage collection of loaded objects, and slow thread switches.
 
-    With NumPy, SciPy and Numba such a search takes up to a tenth of a second, and the next command would be late. The
-    thread gets a greater share of a busy computer than others, where the system lets it.
+    With NumPy, SciPy and Numba a search for garbage takes up to a tenth of a second, and the next command would be
+    late. The thread gets a greater share of a busy computer than others, where the system lets it, and waits less for
+    them.
     """
     switch, niceness = sys.getswitchinterval(), None
     if hasattr(os, "setpriority"):

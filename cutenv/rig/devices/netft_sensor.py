@@ -170,7 +170,7 @@ def parse_packet(packet: bytes) -> SensorPacket:
 
 
 def status_meaning(status: int) -> str:
-    """Return the meaning of a status in words; bits that differ between models are given by number."""
+    """Return a status in words; model-dependent bits by number."""
     if not status:
         return "healthy"
     known = [meaning for bit, meaning in _MEANINGS.items() if status & bit]
@@ -461,7 +461,7 @@ class NetftSensor(StreamedSensor):
         return status_meaning(status)
 
     def about(self) -> dict[str, float | str]:
-        """Return the data that the open sensor reports about itself, and the counts of packets."""
+        """Return the sensor's own report and counts of packets."""
         told: dict[str, float | str] = {"address": "{}:{}".format(*self._address), "rate_Hz": self.rate}
         if self.page is not None:
             told["counts_per_N"] = 1.0 / self.page.newtons_per_count
@@ -478,7 +478,7 @@ class NetftSensor(StreamedSensor):
         opened.close()
 
     def _streams(self) -> bool:
-        """Request a stream until the first reading arrives; return whether one did."""
+        """Request a stream; return whether a reading arrived."""
         self._address = (socket.gethostbyname(self._settings.address), self._settings.port)
         opened = self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         opened.settimeout(_POLL)
@@ -491,7 +491,7 @@ class NetftSensor(StreamedSensor):
         return False
 
     def _own_address(self) -> str:
-        """Return this computer's address on the sensor's network; nothing listens on other networks."""
+        """Return this computer's address on the sensor's network."""
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             probe.connect(self._address)  # sends nothing
             return str(probe.getsockname()[0])

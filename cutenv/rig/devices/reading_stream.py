@@ -52,7 +52,7 @@ class SampleClock:
         self._time = 0.0
 
     def sensed(self, sequence: int, arrival: float) -> tuple[float, float]:
-        """Return when a reading was sampled, and how much later than usual it arrives.
+        """Return a reading's sampling time, and its extra delay.
 
         Parameters
         ----------
@@ -99,7 +99,7 @@ Zero = tuple[float, float, float, float, float, float]
 
 
 class CountedReading(Protocol):
-    """Reading with six counts and a status, as a packet or a sample has them."""
+    """Reading with six counts and status."""
 
     @property
     def counts(self) -> tuple[int, int, int, int, int, int]:
@@ -128,7 +128,10 @@ class ReadingStream:
         self._stranger = -1
 
     def place(self, sequence: int, now: float) -> int:
-        """Return the records lost before it, or OLD (drop it), or STRANGE (drop it, and wait for the next)."""
+        """Return the records lost before it, or OLD or STRANGE.
+
+        OLD: drop it; STRANGE: drop it, and wait for the next.
+        """
         if self.last < 0:
             lost = 0
         else:
@@ -208,6 +211,6 @@ class ReadingMean:
         return fx, fy, fz, tx, ty, tz
 
     def spread(self) -> float:
-        """Return the greatest difference between the means of two parts, for any force [counts]."""
+        """Return the largest difference of partial means, any force [counts]."""
         means = [[part[axis] / part[6] for part in self._parts] for axis in range(3)]
         return max(max(axis) - min(axis) for axis in means)

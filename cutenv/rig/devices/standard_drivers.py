@@ -27,7 +27,7 @@ def _is_emulated_axis(rig: RigSettings, role: str) -> bool:
     needs=("bus.interface", "node", "gear", "lead", "pulses"), emulated=_is_emulated_axis, patience=DRIVE_PATIENCE
 )
 def mounted_axis(mounting: Mounting) -> CanopenAxis:
-    """Drive of the CiA 402 profile over CANopen, such as a Maxon EPOS4."""
+    """CiA 402 drive over CANopen, such as a Maxon EPOS4."""
     from cutenv.rig.devices.canopen.axis import CanopenAxis  # the simulator, which reads rigs' files, loads no driver
 
     network = mounting.share("CAN", lambda: CanNetwork(mounting.rig.bus, mounting.clock))
@@ -40,7 +40,7 @@ def _is_emulated_sensor(rig: RigSettings, role: str) -> bool:
 
 @rig_driver(needs=("address",), emulated=_is_emulated_sensor)
 def mounted_sensor(mounting: Mounting) -> NetftSensor:
-    """ATI Net F/T, or another force sensor that speaks RDT over UDP."""
+    """ATI Net F/T, or another force sensor with RDT over UDP."""
     from cutenv.rig.devices.netft_sensor import NetftSensor  # the simulator, which reads rigs' files, loads none
 
     return NetftSensor(mounting.settings, mounting.clock)

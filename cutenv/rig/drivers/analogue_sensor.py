@@ -125,13 +125,13 @@ class AnalogueCalibration:
 
     @property
     def resolution(self) -> Array:
-        """Load of one count of the channel that tells most of it, shape (6,) [N], [N m]."""
+        """Load of one count of the best channel, shape (6,) [N], [N m]."""
         found: Array = self.count * np.abs(self.matrix).max(axis=1)
         return found
 
     @property
     def full_scale(self) -> Array:
-        """Greatest load of each axis alone that keeps every channel within the converter, shape (6,) [N], [N m]."""
+        """Greatest single-axis load within the converter, shape (6,) [N], [N m]."""
         found: Array = self.range / np.abs(np.linalg.inv(self.matrix)).max(axis=0)
         return found
 
@@ -141,18 +141,18 @@ class AnalogueCalibration:
         return found
 
     def counts(self, loads: Array) -> Array:
-        """Return the counts of whole numbers that the converter gives under loads [N], [N m], shape (..., 6) both."""
+        """Return whole counts under loads [N], [N m], shape (..., 6) both."""
         volts = np.asarray(loads, dtype=float) @ np.linalg.inv(self.matrix).T
         return self.counts_of_volts(volts)
 
     def counts_of_volts(self, volts: Array) -> Array:
-        """Return the counts of voltages [V], of the same shape; beyond the range, the last count."""
+        """Return counts of voltages [V], clipped, in the same shape."""
         most = 2 ** (self.bits - 1)
         found: Array = np.clip(np.rint(np.asarray(volts, dtype=float) / self.count), -most, most - 1)
         return found
 
     def saturated(self, counts: Array) -> Array:
-        """Return which readings have a channel at an end of the converter, shape (n,), from counts, shape (n, 6)."""
+        """Return which readings saturate, shape (n,), from counts, shape (n, 6)."""
         most = 2 ** (self.bits - 1)
         found: Array = ((counts <= -most) | (counts >= most - 1)).any(axis=-1)
         return found
@@ -201,7 +201,7 @@ class AnalogueBoard(Protocol):
         ...
 
     def read(self, count: int) -> list[Scans]:
-        """Wait for the next ``count`` readings and return them, in parts without a gap.
+        """Return the next ``count`` readings, in parts without gaps.
 
         Raises
         ------
@@ -266,7 +266,7 @@ class NidaqmxBoard:
             raise RigError(f"The board {self._channels} cannot be used: {error}") from None
 
     def read(self, count: int) -> list[Scans]:
-        """Wait for the next readings; the board counts none as lost: it reports an overflow, and stops."""
+        """Wait for the next readings; none are lost, but an overflow stops sampling."""
         import nidaqmx
 
         volts = np.empty((6, count))
@@ -408,7 +408,7 @@ def _check(rig: RigSettings, role: str) -> None:
 
 @rig_driver(options=AnalogueOptions, check=_check, emulated=_emulated)
 class AnalogueSensor(StreamedSensor):
-    """Six-axis sensor with analogue outputs, such as a JR3, on a board of National Instruments.
+    """Six-axis analogue sensor, such as a JR3, on a National Instruments board.
 
     Every reading goes through the calibration matrix, so that the six loads are free of cross-talk. A channel at an end
     of the converter's range gives a status, which stops the blade.
@@ -461,7 +461,7 @@ class AnalogueSensor(StreamedSensor):
         return "a channel at the end of the converter's range" if status == CHANNEL_AT_END else f"status {status}"
 
     def about(self) -> dict[str, float | str]:
-        """Return the calibration's name, what a count is worth, the range, and the counts of readings."""
+        """Return calibration name, count values, range, and counts of readings."""
         told: dict[str, float | str] = {
             "calibration": self.calibration.name,
             "serial": self.calibration.serial,

@@ -54,12 +54,12 @@ HEADER = ("promised", "allowed", "measured", "kept")
 
 
 def conformance_rows(findings: list[TriedPromise]) -> list[tuple[str, ...]]:
-    """Return the table of findings, as rows of text without the header."""
+    """Return the table of findings, without the header."""
     return [(each.promise, each.allowed, each.measured, "yes" if each.kept else "NO") for each in findings]
 
 
 class Listening:
-    """Listener that keeps all that a driver reports, for either kind of driver.
+    """Listener that keeps all reports of either kind of driver.
 
     Attributes
     ----------
@@ -107,7 +107,7 @@ class Listening:
 
 
 def refused(action: Callable[[], Any]) -> str | None:
-    """Return the message with which an action is refused; None if it is not."""
+    """Return the message of an action's refusal, or None."""
     try:
         action()
     except (RigError, TypeError, ValueError) as error:
@@ -122,7 +122,7 @@ def must_refuse(promise: str, action: Callable[[], Any]) -> TriedPromise:
 
 
 def timed(action: Callable[[], Any]) -> float:
-    """Return the time that an action takes on the machine's clock [s]."""
+    """Return an action's duration on the machine's clock [s]."""
     begun = time.monotonic()
     action()
     return time.monotonic() - begun
@@ -134,7 +134,7 @@ def time_within(promise: str, seconds: float, allowed: float) -> TriedPromise:
 
 
 def closed(driver: Any, listening: Listening, clock: Clock, before: set[threading.Thread]) -> list[TriedPromise]:
-    """Close a driver twice, and see that it falls silent and that its threads end."""
+    """Close a driver twice; check silence and ended threads."""
     findings = [time_within("close returns", timed(driver.close), CLOSE_TIME)]
     said = refused(driver.close)
     findings.append(TriedPromise("close may be called twice", "no error", said or "no error", said is None))
@@ -210,14 +210,14 @@ class _Trial:
         return self.wait(max(0.1, 3.0 * self.rig.bus.sync)) or [self.newest]
 
     def settled_state(self) -> DriveState:
-        """Wait for a sample that shows the last call; return its state."""
+        """Wait for a sample after the last call; return its state."""
         return self.settled()[-1].state
 
     def found(self, promise: str, allowed: str, measured: str, kept: bool) -> None:
         self.findings.append(TriedPromise(promise, allowed, measured, bool(kept)))
 
     def speeds(self, promise: str, wanted: float, got: float) -> None:
-        """Compare a speed with the wanted one: a tenth of it may be off."""
+        """Compare a speed with the wanted one, within a tenth."""
         unit, tolerance = f"{self.unit}/s", 0.1 * abs(wanted)
         self.found(
             promise,
@@ -233,7 +233,7 @@ class _Trial:
         self.found(promise, f"{1e3 * _STANDS:g} {self.unit}", f"{1e3 * moved:.3f} {self.unit}", moved <= _STANDS)
 
     def until_rest(self, limit: float) -> float:
-        """Wait until the axis rests; return the time until its first sample at rest [s], infinite if it does not."""
+        """Return the time until a sample at rest [s], infinite without."""
         begun = self.clock.now()
         seen = len(self.listening.motions)
         while self.clock.now() - begun < limit:
@@ -248,7 +248,7 @@ class _Trial:
             self.driver.clear()
 
     def run_up(self) -> None:
-        """Switch on, and move at speed for half a second, toward the side with room."""
+        """Switch on; move half a second toward the side with room."""
         middle = 0.5 * (self.axis.low + self.axis.high)
         self.way = 1.0 if self.newest.position < middle else -1.0
         self.driver.enable()
@@ -257,7 +257,7 @@ class _Trial:
 
 
 def conform_motion(driver: MotionDriver, rig: RigSettings, clock: Clock) -> list[TriedPromise]:
-    """Try a motion driver against its protocol: the axis moves to and fro by some millimetres, several times.
+    """Test a motion driver; the axis moves to and fro by some millimetres.
 
     Parameters
     ----------
@@ -407,7 +407,7 @@ def _stops(trial: _Trial) -> None:
 
 
 def _races(trial: _Trial) -> None:
-    """Let one thread send commands while another stops the axis: the stop must win."""
+    """Send commands while another thread stops: the stop must win."""
     driver = trial.driver
     trial.run_up()
     sent = threading.Event()

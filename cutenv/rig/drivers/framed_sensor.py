@@ -20,7 +20,7 @@ from cutenv.rig.errors import RigError
 
 
 def crc_table(polynomial: int) -> tuple[int, ...]:
-    """Return the table of a CRC of 16 bits that takes the lowest bit first, by its reversed polynomial."""
+    """Return the table of a 16-bit CRC, lowest bit first, by reversed polynomial."""
     table = []
     for byte in range(256):
         for _ in range(8):
@@ -86,9 +86,10 @@ class FrameReader:
         self._missed = 0
 
     def take(self, read: bytes) -> Iterator[tuple[SensorFrame, int] | FrameError]:
-        """Take bytes; yield each frame with the number of those missed before it, or the fault, once for a run of them.
+        """Yield frames with the number missed before, or faults.
 
-        Before the first frame nothing is called a fault: the stream may be joined anywhere.
+        A fault is yielded once for a run of them. Before the first frame nothing is called a fault: the stream may be
+        joined anywhere.
         """
         self._rest += read
         form = self._form
@@ -110,7 +111,7 @@ class FrameReader:
                 self._in_step, self._skipped = True, 0
 
     def _skip(self) -> None:
-        """Leave out bytes up to the next that may begin a frame."""
+        """Drop bytes up to the next possible frame."""
         place = self._rest.find(self._form.header, 1)
         if place < 0:
             place = len(self._rest) - len(self._form.header) + 1
@@ -159,7 +160,7 @@ class FramedProtocol(Protocol):
 
 
 class SensorLine:
-    """Open port of a sensor, for requests and their answers before the stream.
+    """Open port of a sensor, for requests before the stream.
 
     Parameters
     ----------
@@ -180,23 +181,23 @@ class SensorLine:
             self._line.set_low_latency_mode(True)
 
     def send(self, data: bytes) -> None:
-        """Send a request; raises RigError if the port does not take it."""
+        """Send a request; raise RigError if the port refuses."""
         try:
             write_line(self._line, data, _WRITE)
         except OSError as error:
             raise RigError(f"the sensor at {self.port} cannot be reached: {error}") from None
 
     def more(self) -> bytes:
-        """Wait for bytes for a tenth of a second, and return those that came."""
+        """Wait a tenth of a second; return the bytes received."""
         try:
             return bytes(self._line.read(max(self._line.in_waiting, 1)))
         except Exception as error:  # pyserial and the system raise many kinds
             raise RigError(f"the sensor at {self.port} cannot be read any more: {error}") from None
 
     def answer(self, wanted: bytes, limit: float, beyond: int = 0) -> bytes | None:
-        """Return the answer that begins with ``wanted``, with ``beyond`` bytes after that, or None after ``limit`` [s].
+        """Return the answer beginning with ``wanted``, None after ``limit`` [s].
 
-        Whatever comes before it is passed over.
+        It has ``beyond`` bytes after that. Whatever comes before it is passed over.
         """
         ends, heard = self._clock.now() + limit, b""
         while self._clock.now() < ends:
@@ -207,7 +208,7 @@ class SensorLine:
         return None
 
     def quiet(self, limit: float) -> bool:
-        """Return whether nothing came for a tenth of a second, within ``limit`` [s]; what came is passed over."""
+        """Discard input until 0.1 s of silence; return False after ``limit`` [s]."""
         ends = self._clock.now() + limit
         while self._clock.now() < ends:
             if not self.more():
@@ -221,7 +222,7 @@ class SensorLine:
 
 
 class FramedSensor(StreamedSensor):
-    """Force sensor of six components that streams frames; counts are the sensor's.
+    """Force sensor of six components that streams frames of counts.
 
     Parameters
     ----------
@@ -250,7 +251,7 @@ class FramedSensor(StreamedSensor):
             raise RigError(f"The {self.name} at {self._port} does not read: {why}.")
 
     def about(self) -> dict[str, float | str]:
-        """Return what the sensor says about itself, and the counts of readings and faults."""
+        """Return the sensor's own report, with counts of readings and faults."""
         told: dict[str, float | str] = {"port": self._port, "rate_Hz": self.rate, **self._told}
         told |= {"received_readings": self._received, "lost_readings": self._lost}
         return told | {"damaged_frames": self._damaged}
@@ -295,7 +296,7 @@ class FramedSensor(StreamedSensor):
                     self._pass_on(*found, now)
 
     def _pass_on(self, frame: SensorFrame, missed: int, now: float) -> None:
-        """Pass on a frame, with a number by the sensor's time, or by how many were missed."""
+        """Pass on a frame, numbered by sensor time or missed frames."""
         steps = 1 + missed if self._received else 1
         if frame.stamp >= 0 and self._stamp >= 0:
             steps = round((frame.stamp - self._stamp) % _STAMPS * 1e-6 * self.rate)

@@ -63,7 +63,7 @@ _PINS = re.compile(rb"\|Pn:([A-Z]+)")
 
 
 def grbl_status(line: bytes) -> GrblStatus | None:
-    """Return what a status report says; None if the line is none, or is damaged."""
+    """Return a status report's content, None for other or damaged lines."""
     match = _STATUS.fullmatch(line.strip())
     if match is None:
         return None
@@ -75,24 +75,24 @@ def grbl_status(line: bytes) -> GrblStatus | None:
 
 
 def jog_line(letter: str, way: float, feed: float) -> bytes:
-    """Return the command that jogs an axis by ``way`` [mm] at ``feed`` [mm/min], relative to where it will be."""
+    """Return the command of a relative jog, ``way`` [mm] at ``feed`` [mm/min]."""
     return f"$J=G91G21{letter}{way:.4f}F{feed:.2f}\n".encode("ascii")
 
 
 def grbl_setting(line: str) -> tuple[int, float] | None:
-    """Return number and value of a setting such as ``$120=100.000``; None if the line is none."""
+    """Return number and value of ``$120=100.000``, or None."""
     match = re.fullmatch(r"\$(\d+)=(-?\d+(?:\.\d+)?)", line)
     return None if match is None else (int(match[1]), float(match[2]))
 
 
 def offsets_of(line: str, name: str) -> tuple[float, ...] | None:
-    """Return the offsets that a line such as ``[G92:0.000,0.000,0.000]`` tells; None if it is another."""
+    """Return the offsets of a line like ``[G92:0.000,0.000,0.000]``, or None."""
     match = re.fullmatch(rf"\[{name}:(-?[\d.]+(?:,-?[\d.]+)*)\]", line)
     return None if match is None else tuple(float(number) for number in match[1].split(","))
 
 
 def grbl_zero(lines: Iterable[str], number: int) -> float | None:
-    """Return the machine position [mm] of the clamp, which the answer to ``$#`` tells; None if nobody has set it.
+    """Return the clamp's machine position [mm] from ``$#``, None if unset.
 
     ``number`` is the place of the axis among the machine's own.
     """
@@ -310,7 +310,7 @@ _AT_REST = ("Alarm", "Sleep")  # in which it moves nothing, and knows no zero th
 
 @rig_driver(options=GrblOptions, check=check_grbl, emulated=on_pseudo_terminal, patience=SENT_AHEAD + PIECE)
 class GrblAxis(AxisDriver):
-    """Axis of a machine with GRBL 1.1 as it is: jogs, jog cancel, soft reset, status reports.
+    """Axis of a GRBL 1.1 machine: jogs, jog cancel, soft reset, reports.
 
     Its position counts from where a person has set zero since the machine has power: ``cutenv rig zero``. The motor's
     power is the machine's own affair: "without power" means here that no jogs are sent. It has no watch of its own: one
@@ -405,7 +405,7 @@ class GrblAxis(AxisDriver):
             machine.close()
 
     def limits(self) -> dict[str, float]:
-        """Return speed and acceleration as the machine tells them; the ends of travel are the file's: GRBL has none."""
+        """Return the machine's speed and acceleration, and the file's travel (GRBL has none)."""
         speed, acceleration = self._told[110 + self._number] / _MINUTE, 1e-3 * self._told[120 + self._number]
         return {
             "low": self._settings.low, "high": self._settings.high, "speed": speed, "acceleration": acceleration,
@@ -426,7 +426,9 @@ class GrblAxis(AxisDriver):
         }
 
     def set_zero(self) -> None:
-        """Take the present position as zero, in the machine's memory until it restarts: the blade stands at the clamp.
+        """Take the present position, at the clamp, as zero.
+
+        It is kept in the machine's memory until that restarts.
 
         Raises
         ------
@@ -581,7 +583,7 @@ class GrblAxis(AxisDriver):
             self._listener.alive(self.name, now)
 
     def _hold(self, state: str, now: float) -> None:
-        """Hold and reset a machine that moves by something else than our jogs: a cancel would not stop that."""
+        """Hold and reset a machine in foreign motion, which no jog cancel stops."""
         self._zero = None
         self._write_quietly(HOLD + SOFT_RESET)
         if self._listener is not None:
@@ -638,7 +640,7 @@ class JogFeed:
         return self._sent < 0.0
 
     def aim(self, target: float) -> None:
-        """Take a target speed [mm/s], from which the next jogs are made."""
+        """Set the target speed [mm/s] of the next jogs."""
         with self._lock:
             self._target = target
 

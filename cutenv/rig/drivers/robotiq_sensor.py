@@ -101,7 +101,7 @@ class _Robotiq:
         return "a force or torque at the end of the range" if status == BEYOND_RANGE else f"status {status}"
 
     def _registers(self, line: SensorLine, register: int, count: int) -> bytes:
-        """Return the bytes of registers; the high byte of each comes first."""
+        """Return the bytes of registers, high byte first."""
         begins = bytes((_DEVICE, _READ_REGISTERS, 2 * count))
         for _ in range(_TRIES):
             line.send(_request(_READ_REGISTERS, register, 0, count))

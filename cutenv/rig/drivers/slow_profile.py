@@ -25,7 +25,7 @@ RATES = {"hx711": 80.0, "ads1220": 330.0, "nau7802": 320.0}
 
 
 def slow_limits(rate: float) -> SafetyLimits:
-    """Return limits for a rig whose force sensor makes ``rate`` readings a second [Hz]: 4.8 mm/s at most.
+    """Return limits for a force sensor at ``rate`` [Hz]: 4.8 mm/s at most.
 
     Times without, or with the same, readings are as many readings as a fast rig allows, or its times if longer.
     """
@@ -60,7 +60,7 @@ def slow_settings(port: str, *, converter: str = "hx711", name: str = "slow rig"
 
 
 def grbl_settings(port: str, sensor_port: str, *, converter: str = "hx711", name: str = "GRBL rig") -> RigSettings:
-    """Return the settings of a rig whose blade a machine with GRBL moves, with a load cell on a board of its own.
+    """Return the settings of a GRBL-driven rig with a load cell's board.
 
     Its limits are those of a slow rig, with times for a position that comes ten times a second.
     """

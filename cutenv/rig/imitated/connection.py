@@ -1,4 +1,4 @@
-"""Connection to a rig by its name, with nothing on its bench.
+"""Connection to a rig by name, with an empty bench.
 
 It is guarded, and is for work in a lab before any cut.
 """

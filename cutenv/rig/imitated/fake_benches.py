@@ -32,7 +32,7 @@ class DrivenPlant(Protocol):
     """Load that a fake rig's blade and sensor work on."""
 
     def step(self, speed: float, turn: float, stopping: bool) -> None:
-        """Advance by a millisecond under a commanded speed [m/s] and rate of turn [rad/s]."""
+        """Advance a millisecond at a speed [m/s] and turn rate [rad/s]."""
         ...
 
     def block(self) -> None:
@@ -50,20 +50,20 @@ class DrivenPlant(Protocol):
         ...
 
     def shift(self, axis: str, speed: float, *, stopping: bool, blocked: bool) -> None:
-        """Command the motion of the next millisecond of "height" [m/s], upwards, or of "side", to the left."""
+        """Command the next millisecond of "height" (up) or "side" (left) [m/s]."""
         ...
 
     def cross_motion(self, axis: str) -> tuple[float, float]:
-        """Return height of the blade's lower end, or its place to the left [m], and the speed of it [m/s]."""
+        """Return the height, or place to the left [m], and speed [m/s]."""
         ...
 
     def cross_force(self, axis: str) -> float:
-        """Return the force of the tissue on the blade, upwards, or to the right [N]."""
+        """Return the tissue's force, upwards or to the right [N]."""
         ...
 
 
 class CrossDrive:
-    """Height, or place to the side, of a blade in air, a millisecond at a time.
+    """Height or side axis of a blade in air.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class CrossDrive:
         self._gain = -math.expm1(-TICK / NOMINAL_LAG)
 
     def step(self, speed: float, *, stopping: bool, blocked: bool) -> None:
-        """Advance by a millisecond under a commanded speed [m/s]; a quick stop brakes at its own rate."""
+        """Advance a millisecond at a speed [m/s]; quick stops brake at their own rate."""
         if blocked:
             self.speed = 0.0
             return
@@ -100,7 +100,7 @@ class FreeAcross:
         self._across[axis].step(speed, stopping=stopping, blocked=blocked)
 
     def cross_motion(self, axis: str) -> tuple[float, float]:
-        """Return place [m] and speed [m/s] of an axis across the cut."""
+        """Return a cross axis's place [m] and speed [m/s]."""
         return self._across[axis].place, self._across[axis].speed
 
     def cross_force(self, axis: str) -> float:
@@ -109,7 +109,7 @@ class FreeAcross:
 
 
 class SpecimenPlant(FreeAcross):
-    """Specimen under the cutting law, with the simulator's own drive and sensor.
+    """Specimen under the cutting law, with simulated drive and sensor.
 
     On a rig with a height axis the law is that with vertical motion, and the specimen may be in layers.
 
@@ -152,7 +152,7 @@ class SpecimenPlant(FreeAcross):
         self._advance(0.0)
 
     def step(self, speed: float, turn: float, stopping: bool) -> None:
-        """Advance by a millisecond; a quick stop brakes at its own rate, without the velocity loop's lag."""
+        """Advance a millisecond; a quick stop brakes without the velocity loop's lag."""
         self._angle += turn * TICK
         if stopping != self._stopping:
             self._stopping = stopping
@@ -161,19 +161,19 @@ class SpecimenPlant(FreeAcross):
         self._advance(0.0 if stopping else speed)
 
     def _advance(self, speed: float) -> None:
-        """Advance by a millisecond, at the nearest angle for which the law was measured."""
+        """Advance a millisecond, at the nearest angle with measurements."""
         angle = min(max(self._angle, ANGLE_RANGE[0]), ANGLE_RANGE[1])
         across = (self._rise.falling(),) if isinstance(self.plant, DescendingPlant) else ()
         (reading,) = self.plant.advance(speed, angle, 1, *across).tolist()  # records are slow to read one by one
         self._position, self._speed, self._force = (reading[k] for k in _FELT)
 
     def block(self) -> None:
-        """Advance by a millisecond in which the blade cannot move along the cut."""
+        """Advance a millisecond, the blade blocked along the cut."""
         self._states["hand_speed"] = self._states["speed"] = 0.0
         self._advance(0.0)
 
     def shift(self, axis: str, speed: float, *, stopping: bool, blocked: bool) -> None:
-        """Command the motion of the next millisecond [m/s]; the height's is felt by the tissue."""
+        """Command the next millisecond [m/s]; the tissue feels that of the height."""
         if axis != "height":
             return super().shift(axis, speed, stopping=stopping, blocked=blocked)
         self._rise.command = speed, stopping, blocked
@@ -185,11 +185,11 @@ class SpecimenPlant(FreeAcross):
         return self._position, self._speed, self._angle
 
     def cross_motion(self, axis: str) -> tuple[float, float]:
-        """Return place [m] and speed [m/s] of an axis across the cut."""
+        """Return a cross axis's place [m] and speed [m/s]."""
         return super().cross_motion(axis) if axis != "height" else self._rise.motion
 
     def cross_force(self, axis: str) -> float:
-        """Return the force of the tissue on the blade, upwards [N]; it feels nothing of an axis to the side."""
+        """Return the tissue's upward force [N]; zero for the side axis."""
         return self._rise.force if axis == "height" else 0.0
 
     @property
@@ -207,7 +207,7 @@ class _Rise:
         self.command = 0.0, False, False  # speed upwards [m/s], a quick stop, a blocked blade
 
     def falling(self) -> float:
-        """Set the drive for the next millisecond; return the speed downwards that is commanded [m/s]."""
+        """Set the drive's next millisecond; return downward speed [m/s]."""
         speed, stopping, blocked = self.command
         descents, stops = self._plant.descents, stopping or blocked
         descents["acceleration"] = self._quick_stop if stops else self._usual["acceleration"]
@@ -265,7 +265,7 @@ _FAR = 100.0  # [m] to the model's own end stops
 
 
 class AirPlant(FreeAcross):
-    """Bench of :class:`cutenv.rig.imitated.fake_rig.FakeRig` with the simulator's drive and sensor, and no specimen.
+    """Bench of :class:`cutenv.rig.imitated.fake_rig.FakeRig` with drive and sensor, no specimen.
 
     Parameters
     ----------
@@ -302,7 +302,7 @@ class AirPlant(FreeAcross):
         self._feel()
 
     def step(self, speed: float, turn: float, stopping: bool) -> None:
-        """Advance by a millisecond; a quick stop brakes at its own rate, without the velocity loop's lag."""
+        """Advance a millisecond; a quick stop brakes without the velocity loop's lag."""
         drive, state = self._records[0], self._states[0]
         drive.acceleration = self._quick_stop if stopping else self._usual.acceleration
         drive.lag = min(TICK, self._usual.lag) if stopping else self._usual.lag
@@ -374,5 +374,5 @@ class SteeredBench(AirPlant):
         self._side_force = self._to_side.measure(self.tissue.side_force)
 
     def cross_force(self, axis: str) -> float:
-        """Return the measured force of the tissue on the blade, to the right [N]; it feels nothing of a height axis."""
+        """Return the tissue's measured force to the right [N]; zero for height."""
         return self._side_force if axis == "side" else 0.0

@@ -74,7 +74,7 @@ class CrossFaults:
 
 @dataclass
 class Faults:
-    """Faults of a fake rig; each can be changed at any instant."""
+    """Faults of a fake rig, changeable at any instant."""
 
     extra_force: float = 0.0
     """Force added along the cut [N]."""
@@ -115,7 +115,7 @@ class Faults:
 
 
 class FakeDrive:
-    """Axis that reacts as a drive would, but at once: a :class:`~cutenv.rig.devices.protocols.MotionDriver`."""
+    """Axis that reacts at once: a :class:`~cutenv.rig.devices.protocols.MotionDriver`."""
 
     def __init__(self, name: str, rig: FakeRig) -> None:
         self.name = name
@@ -131,13 +131,13 @@ class FakeDrive:
         self._rig.listen(self.name, listener)
 
     def enable(self) -> None:
-        """Switch the power on; raises RigError in a fault or after a quick stop."""
+        """Switch the power on; raise RigError in fault or quick stop."""
         if self.latch.closed or self.state in (DriveState.FAULT, DriveState.QUICK_STOP):
             raise RigError(f'the {self.name} drive is in "{self.state.value}": clear it first.')
         self.state, self.target = DriveState.ENABLED, 0.0
 
     def command(self, speed: float) -> None:
-        """Set a new target speed [m/s or rad/s]; raises RigError if the bus is off."""
+        """Set a speed [m/s or rad/s]; raise RigError with the bus off."""
         self._rig.reach(self.name)
         self._rig.heard(self._rig.clock.now(), self.name, speed)
         if self.state is DriveState.ENABLED:
@@ -164,7 +164,7 @@ class FakeDrive:
         self.state, self.target = DriveState.DISABLED, 0.0
 
     def clear(self) -> None:
-        """Leave quick stop or fault, without power; raises RigError if the bus is off."""
+        """Leave quick stop or fault without power; raise RigError with the bus off."""
         self._rig.reach(self.name)
         self.state, self.target = DriveState.DISABLED, 0.0
 
@@ -173,7 +173,7 @@ class FakeDrive:
         return drive_limits(self._rig.settings.axes[self.name])
 
     def about(self) -> dict[str, float | str]:
-        """Return that this is a fake drive, and of an axis across the cut whether it was homed."""
+        """Return that the drive is fake, and whether a cross axis was homed."""
         faults = self._rig.faults_of(self.name)
         homed = {"homed": "no" if faults.not_homed else "yes"} if isinstance(faults, CrossFaults) else {}
         return {"kind": "fake drive", **homed}
@@ -185,7 +185,7 @@ class FakeDrive:
 
 
 def drive_limits(axis: Axis) -> dict[str, float]:
-    """Return the limits that a drive set up with an axis's settings would report."""
+    """Return the limits a drive with these settings would report."""
     return {
         "low": axis.low,
         "high": axis.high,
@@ -225,7 +225,7 @@ class FakeSensor:
 
 
 class FakeRig:
-    """Drives and sensor on a bench, moved by a fake clock, with the plant that uses them.
+    """Drives and sensor on a bench, with fake clock and plant.
 
     Parameters
     ----------
@@ -294,7 +294,7 @@ class FakeRig:
         self._taken_away = False
 
     def take_away(self) -> None:
-        """Remove the specimen where the blade stands, which from here on feels nothing of it."""
+        """Remove the specimen at the blade, which then feels nothing of it."""
         self._taken_away = True
 
     def listen(self, axis: str, listener: MotionListener | None) -> None:
@@ -302,19 +302,19 @@ class FakeRig:
         self._listeners[axis] = listener
 
     def reach(self, axis: str) -> None:
-        """Raise RigError if a frame cannot reach a drive because the bus is off."""
+        """Raise RigError if the bus to a drive is off."""
         if self.faults.bus_off:
             raise RigError(f"{axis}: the bus is off; check cable, termination and power.")
 
     def felt(self) -> float:
-        """Return the force along the cut in the sensor, before its zero [N]."""
+        """Return the sensor's force along the cut before taring [N]."""
         return self._tissue_force(self.bench.force) + self.faults.extra_force + self._ramped
 
     def _tissue_force(self, force: float) -> float:
         return 0.0 if self._taken_away else force
 
     def report_emergency(self, code: int, meaning: str, axis: str = "blade") -> None:
-        """Let a drive, the blade's or another, report an error and stop by itself."""
+        """Let the blade's or another drive report an error and stop."""
         drive = self.across.get(axis, self.angle if axis == "angle" else self.blade)
         assert drive is not None
         drive.state = DriveState.FAULT
@@ -322,13 +322,13 @@ class FakeRig:
             listener.emergency(axis, code, meaning, self.clock.now())
 
     def intrude(self, speed: float) -> None:
-        """Let another master switch on the blade's drive, with a target speed [m/s]."""
+        """Let another master switch on the blade's drive at a speed [m/s]."""
         self.blade.state, self.blade.target = DriveState.ENABLED, speed
         if (listener := self._listeners.get("blade")) is not None:
             listener.foreign("blade", "RPDO1", self.clock.now())
 
     def break_bus(self) -> None:
-        """Let the bus go off, as the driver notices; the drive's own heartbeat watchdog stops it."""
+        """Switch the bus off; heartbeat watchdogs stop the drives."""
         self.faults.bus_off = True
         self.blade.state = DriveState.QUICK_STOP
         if (listener := self._listeners.get("blade")) is not None:
@@ -352,7 +352,7 @@ class FakeRig:
         self._feel(now)
 
     def faults_of(self, axis: str) -> Faults | CrossFaults | None:
-        """Return the faults of an axis by name; None for the hinge."""
+        """Return an axis's faults by name, None for the hinge."""
         across = {"height": self.faults.height, "side": self.faults.side}
         return self.faults if axis == "blade" else across.get(axis)
 
@@ -442,11 +442,11 @@ class FakeRig:
 
 
 def fake_rig(specimen: Specimen, settings: RigSettings | None = None, *, seed: int = 0) -> FakeRig:
-    """Make a fake rig with a specimen on its bench, cut by the simulator's drive and measured by its sensor."""
+    """Make a fake rig with a specimen, simulated drive and sensor."""
     mounted = MountedSpecimen(specimen=specimen, seed=seed)
     return FakeRig(functools.partial(SpecimenPlant, mounted), settings, depth=specimen.depth)
 
 
 def replayed_rig(trace: Trace, settings: RigSettings | None = None) -> FakeRig:
-    """Make a fake rig on which a recorded cut is replayed, whatever is commanded."""
+    """Make a fake rig that replays a recorded cut."""
     return FakeRig(lambda settings: RecordedPlant(trace), settings, follows=False, depth=ReplayPlant(trace).depth)

@@ -51,9 +51,9 @@ class TissueInPlane:
         self.force = self.side_force = 0.0
 
     def advance(self, x: float, y: float, angle: float) -> None:
-        """Move the blade to a place along and across the slab [m], at an inclination [rad], in a millisecond.
+        """Move the blade to a place in the slab [m] and an inclination [rad].
 
-        At the ends of the specimen, and too far from the line, it is held.
+        The move takes a millisecond. At the ends of the specimen, and too far from the line, the blade is held.
         """
         state, steering = self.plant.states[0], self.plant.steerings[0]
         at_x, at_y = self.plant.blade
@@ -82,10 +82,10 @@ class TissueInPlane:
 
 
 def within(position: float) -> float:
-    """Limit a position [m] to the part of the carriage's travel in which there is tissue."""
+    """Limit a position [m] to the travel with tissue."""
     return min(max(position, 0.0), LENGTH - SPACING)
 
 
 def measured(angle: float) -> float:
-    """Limit an angle [rad] to the range for which the law was measured."""
+    """Limit an angle [rad] to the law's measured range."""
     return min(max(angle, ANGLE_RANGE[0]), ANGLE_RANGE[1])

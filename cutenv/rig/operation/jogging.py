@@ -121,7 +121,7 @@ class Jog:
         """True once the person has asked to quit."""
 
     def press(self, keys: Iterable[JogKey], time: float) -> None:
-        """Take keys that were read at ``time`` [s], in order; the last one decides."""
+        """Take keys read at ``time`` [s]; the last one decides."""
         for key in keys:
             self.quit |= key is JogKey.QUIT
             self._held = None if self.quit or key is JogKey.OTHER else key
@@ -136,12 +136,12 @@ class Jog:
         return speed, rate if self._turns else 0.0
 
     def rise(self) -> float:
-        """Return the speed upwards [m/s] at the time of the last :meth:`command`."""
+        """Return the upward speed [m/s] at the last :meth:`command`."""
         up = {JogKey.RAISE: self.speed, JogKey.LOWER: -self.speed}.get(self._held or JogKey.OTHER, 0.0)
         return up if self._lifts else 0.0
 
     def aside(self) -> float:
-        """Return the speed to the left [m/s] at the time of the last :meth:`command`."""
+        """Return the leftward speed [m/s] at the last :meth:`command`."""
         left = {JogKey.TO_LEFT: self.speed, JogKey.TO_RIGHT: -self.speed}.get(self._held or JogKey.OTHER, 0.0)
         return left if self._sideways else 0.0
 
@@ -198,7 +198,7 @@ def jog(plant: RigPlant, keyboard: Keyboard, controls: Jog, show: Callable[[str]
 
 
 def status(plant: RigPlant) -> str:
-    """Return position, angle, force and state of the rig in one line."""
+    """Return position, angle, force and state in one line."""
     supervisor, settings = plant.supervisor, plant.settings
     force, blade = supervisor.newest_force, supervisor.blade
     along = "no force"

@@ -19,18 +19,18 @@ _YES = ("y", "yes")
 
 
 class Operator(Protocol):
-    """Person who answers for the rig. No answer in time means no."""
+    """Person who answers for the rig; no answer in time means no."""
 
     def tell(self, message: str) -> None:
         """Show a message."""
         ...
 
     def confirm(self, question: str, *, expected: str | None = None) -> bool:
-        """Ask a question; return whether the answer is yes or, if given, exactly ``expected``."""
+        """Ask a question; return whether yes or ``expected`` was answered."""
         ...
 
     def ask_ready(self, what: str) -> bool:
-        """Ask for manual work, such as "specimen clamped, hands off"; return whether it is done."""
+        """Ask for manual work, such as "hands off"; return whether it is done."""
         ...
 
 
@@ -71,7 +71,7 @@ class TerminalOperator:
         print(message, file=self._sink, flush=True)
 
     def confirm(self, question: str, *, expected: str | None = None) -> bool:
-        """Ask for yes, or for a text that must be typed exactly."""
+        """Ask for yes, or for an exactly typed text."""
         if expected is None:
             return self._asked(f"{question} [y/N] ", lambda typed: typed.strip().lower() in _YES)
         return self._asked(f'{question}\nType "{expected}" to confirm: ', lambda typed: typed == expected)
@@ -94,7 +94,7 @@ class TerminalOperator:
         return True
 
     def _line(self, prompt: str) -> str | None:
-        """Return the line typed after the prompt, or None if none comes in time or the input ends."""
+        """Return the typed line, None without one in time."""
         import select
         import termios
 

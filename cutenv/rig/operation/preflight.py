@@ -58,7 +58,7 @@ class Check:
 
 
 def may_move(settings: RigSettings, today: date) -> list[Check]:
-    """Check the file alone, without hardware: the calibration, and the person who answers for the rig."""
+    """Check the file alone: the calibration, and who answers for the rig."""
     why = expired(settings.calibration, today)
     armed = settings.armed_by.strip()
     return [
@@ -68,7 +68,7 @@ def may_move(settings: RigSettings, today: date) -> list[Check]:
 
 
 def still_checks(plant: RigPlant, *, in_air: bool = True) -> list[Check]:
-    """Check an open rig at rest: readings, zero force in air, samples, and the drives' limits against the file."""
+    """Check an open rig at rest: readings, zero in air, samples, drive limits."""
     supervisor, settings = plant.supervisor, plant.settings
     checks = []
     sample = supervisor.newest_force
@@ -106,7 +106,7 @@ def _limit(name: str, axis: Axis, what: str, answered: float) -> Check:
 
 
 def moving_checks(plant: RigPlant) -> list[Check]:
-    """Move the released blade by a millimetre and back, and turn it by a degree; check that the encoders show it."""
+    """Move the released blade by 1 mm, turn it by 1 degree; check encoders."""
     checks = [_moved_and_back(plant, name, axis) for name, axis in plant.settings.cross_axes.items()]
     start = plant.position
     way = _NUDGE if start + _NUDGE < plant.settings.limits.high else -_NUDGE
@@ -129,12 +129,14 @@ def moving_checks(plant: RigPlant) -> list[Check]:
 
 
 def _first_way(plant: RigPlant, name: str, axis: CrossAxis) -> float:
-    """Return the way by which the self-test moves an axis across the cut first [m]."""
+    """Return the first way of a cross axis's self-test [m]."""
     return _NUDGE if plant.place(name) + _NUDGE < axis.bounds[1] else -_NUDGE
 
 
 def _ask_direction(plant: RigPlant, name: str, axis: CrossAxis, operator: Operator) -> None:
-    """Ask whether up is up, or left is left: with a wrong ``direction`` the encoder agrees with the commands.
+    """Ask whether up is up, or left is left.
+
+    With a wrong ``direction`` the encoder agrees with the commands.
 
     Raises
     ------
@@ -150,10 +152,10 @@ def _ask_direction(plant: RigPlant, name: str, axis: CrossAxis, operator: Operat
 
 
 def prove(plant: RigPlant, operator: Operator, today: date) -> None:
-    """Prove the stop button and the sign of the force once a day; the drives are without power before and after.
+    """Prove stop button and force sign once a day.
 
-    The day is noted beside the rig's file, for later programs of this computer, until its drives, sensor or bus change
-    in the file.
+    The drives are without power before and after. The day is noted beside the rig's file, for later programs of this
+    computer, until its drives, sensor or bus change in the file.
 
     The operator pushes the blade toward the clamp by hand, as tissue would. Then the drives are switched on at rest,
     the operator presses the button, and every drive has to show that it has lost its power. Nothing else moves.
@@ -191,13 +193,13 @@ def prove(plant: RigPlant, operator: Operator, today: date) -> None:
 
 
 def _proof_of(settings: RigSettings, today: date) -> str:
-    """Return the note of a proof: the day, and a hash of all that it has proven, on this computer."""
+    """Return a proof's note: day, and hash of what is proven on this computer."""
     proven = platform.node(), settings.name, settings.axes, settings.sensor, settings.bus
     return f"{today.isoformat()} {hashlib.sha256(repr(proven).encode()).hexdigest()[:16]}\n"
 
 
 def _noted(file: Path | None) -> str:
-    """Return the note of the last proof; empty if there is none."""
+    """Return the note of the last proof, or ""."""
     try:
         return "" if file is None else file.read_text(encoding="utf-8")
     except (OSError, ValueError):
@@ -205,7 +207,7 @@ def _noted(file: Path | None) -> str:
 
 
 def _prove_sign(plant: RigPlant, operator: Operator) -> None:
-    """Have the blade pushed toward the clamp by hand, without power, and check that the force has the right sign."""
+    """Check the force's sign as a hand pushes the blade to the clamp."""
     sensor = plant.settings.sensor
     before = plant.supervisor.newest_force
     pushed = operator.ask_ready(
@@ -226,7 +228,9 @@ def _prove_sign(plant: RigPlant, operator: Operator) -> None:
 
 
 def _ask_motion(plant: RigPlant, operator: Operator) -> None:
-    """Ask whether the blade has moved away first: neither a drive that counts its steps, nor an encoder knows that.
+    """Ask whether the blade has moved away first.
+
+    Neither a drive that counts its steps, nor an encoder knows that.
 
     Raises
     ------
@@ -243,7 +247,7 @@ def _ask_motion(plant: RigPlant, operator: Operator) -> None:
 
 
 def _moved_and_back(plant: RigPlant, name: str, axis: CrossAxis) -> Check:
-    """Move the released blade across the cut by a millimetre and back, against what was commanded.
+    """Move the released blade across by a millimetre and back; return the check.
 
     Near the upper or left end of its travel it goes the other way first.
     """
@@ -258,7 +262,9 @@ def _moved_and_back(plant: RigPlant, name: str, axis: CrossAxis) -> Check:
 
 
 def return_inside(plant: RigPlant) -> None:
-    """Move a blade from beyond an end of its travel back inside, at creep speed; the operator has agreed to that.
+    """Return a blade from beyond its travel, at creep speed.
+
+    The operator has agreed to that.
 
     Raises
     ------
@@ -277,9 +283,9 @@ def return_inside(plant: RigPlant) -> None:
 
 
 def relieve(plant: RigPlant) -> None:
-    """Raise a blade that presses on the tissue beyond the limit, at creep speed; the operator has agreed to that.
+    """Raise a blade that presses on tissue beyond the limit, at creep speed.
 
-    Nothing else can be commanded meanwhile, and a force that grows stops it.
+    The operator has agreed to that. Nothing else can be commanded meanwhile, and a force that grows stops it.
 
     Raises
     ------
@@ -296,7 +302,7 @@ def relieve(plant: RigPlant) -> None:
 
 
 def prepare(plant: RigPlant, operator: Operator, *, today: date, in_air: bool = True) -> list[Check]:
-    """Run every check that has to precede the first motion, in order; the rig is released at the end.
+    """Run all checks before the first motion; release the rig.
 
     Calibration and ``armed_by``; switching on; tare and self-test at rest; the operator's typed confirmation; for a
     blade beyond an end of its travel, its slow return, if the operator agrees to that too; a millimetre to and fro. On
@@ -371,7 +377,7 @@ def prepare(plant: RigPlant, operator: Operator, *, today: date, in_air: bool = 
 
 
 def _question(plant: RigPlant, in_air: bool) -> str:
-    """Return the question to the operator: only a person can see whether a tare and a drive's zero are right."""
+    """Return the question whether tare and a drive's zero are right."""
     sample = plant.supervisor.newest_force
     if in_air:
         felt = f", and in air the sensor reads {_newtons(plant.zero)}, taken as zero. Is that so, is the blade free"
@@ -555,7 +561,7 @@ _STEP = 0.05  # [s]
 
 
 def inspect_camera(settings: CameraSettings) -> Inspection:
-    """Start the camera, count its frames for some seconds of the machine's clock, and end it."""
+    """Start the camera, count its frames for some seconds, end it."""
     camera, deadline = RigCamera(settings), time.monotonic() + _STARTING
     try:
         while not camera.moments and not camera.ended and time.monotonic() < deadline:

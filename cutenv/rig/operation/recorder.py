@@ -72,7 +72,7 @@ class Recorder:
         self._beats: dict[str, list[float]] = {}
 
     def command(self, time: float, speed: float) -> None:
-        """Record a speed [m/s] that is put on the bus at ``time`` [s]."""
+        """Record a speed [m/s] on the bus at ``time`` [s]."""
         self._commands.append((time, speed))
 
     # A listener of the plant
@@ -106,17 +106,17 @@ class Recorder:
         return [each for each in self._forces.copy() if start <= each.time < end]
 
     def force_along(self, start: float, end: float) -> Array:
-        """Return the readings along the cut between two times [s], in the sensor's sign [N]."""
+        """Return forces along the cut between times [s], sensor's sign [N]."""
         return np.array([each.force[self._cut_axis] for each in self.forces(start, end)])
 
     def felt(self, start: float, end: float) -> Felt:
-        """Return times and forces along the cut between two times [s]; positive: against a motion forward."""
+        """Return times and forces against forward motion, between times [s]."""
         readings = self.forces(start, end)
         force = [self._sign * each.force[self._cut_axis] for each in readings]
         return Felt(np.array([each.time for each in readings]), np.array(force))
 
     def force_axes(self, start: float, end: float) -> Array:
-        """Return the readings of all three axes of the sensor between two times, shape (n, 3) [N]."""
+        """Return all three force axes between times, shape (n, 3) [N]."""
         return np.array([each.force for each in self.forces(start, end)]).reshape(-1, 3)
 
     def motion_times(self, axis: str, start: float, end: float) -> Array:
@@ -139,11 +139,11 @@ LIVE_SCHEMA = "cutenv-live/1"
 
 @contextmanager
 def published(plant: RigPlant, port: int) -> Iterator[None]:
-    """Send the state of a rig to a port of this machine for the time of the block, and once more at its end.
+    """Send the rig's state to a local port during the block.
 
-    A thread of its own looks at the rig and sends one datagram; the threads that watch and move the rig do nothing for
-    it. The socket never waits and is never read: datagrams that nobody takes are dropped by the operating system, so a
-    viewer that is slow, gone or malicious changes nothing on the rig.
+    It is sent once more at its end. A thread of its own looks at the rig and sends one datagram; the threads that watch
+    and move the rig do nothing for it. The socket never waits and is never read: datagrams that nobody takes are
+    dropped by the operating system, so a viewer that is slow, gone or malicious changes nothing on the rig.
     """
 
     def publish(now: float) -> None:

@@ -49,7 +49,7 @@ def recorded_channels(settings: RigSettings) -> tuple[str, ...]:
 
 
 def recorded_rows(plant: RigPlant, readings: StructArray) -> tuple[list[Reading], list[Row] | None]:
-    """Return the rows to record of the readings that a plant has just made, and the fields beside them.
+    """Return rows to record of the latest readings, with channels.
 
     The depth is that of the measured profile at the blade, of a blade at height 0.
 
@@ -94,11 +94,11 @@ class SpecimenSource(Protocol):
     """
 
     def mount(self, key: SpecimenKey) -> NDArray[np.float64] | None:
-        """Lay a specimen; return its measured depth of cut, shape (301,) [m], or None if the caller knows it."""
+        """Mount a specimen; return its depth, shape (301,) [m], None if already known."""
         ...
 
     def take_away(self) -> None:
-        """Remove the specimen that holds the blade; it may be anywhere in its travel."""
+        """Remove the specimen that holds the blade, anywhere in its travel."""
         ...
 
 
@@ -146,7 +146,7 @@ class SpecimensByHand:
             raise RigError(f"the depth of the specimen is not known: {error}") from error
 
     def take_away(self) -> None:
-        """Do nothing: the operator was asked, and has taken it away."""
+        """Do nothing: the operator has taken the specimen away."""
 
 
 RETURN_SPEED = 0.005
@@ -218,7 +218,9 @@ class RigSession:
             self._opened = True
 
     def next_cut(self, key: SpecimenKey, angle: float) -> None:
-        """Prepare if necessary, move slowly to the clamp, have a new specimen laid without power, and tare.
+        """Prepare, go to the clamp, change the specimen, tare.
+
+        The blade moves slowly, and the specimen is changed without power.
 
         Parameters
         ----------
@@ -265,20 +267,20 @@ class RigSession:
         plant.begin()
 
     def _raise(self) -> None:
-        """Raise the blade out of the cut; after a stop the operator has agreed to that in :meth:`_be_ready`."""
+        """Raise the blade out of the cut; after a stop :meth:`_be_ready` has asked."""
         axis = self.plant.settings.height
         if axis is not None and self.plant.height < axis.raised:
             self.operator.tell(f"The blade is raised to {1e3 * axis.raised:g} mm at {1e3 * RAISE_SPEED:g} mm/s.")
             self.plant.raise_to(axis.raised)
 
     def _lower(self) -> None:
-        """Lower the blade, at the clamp, to the height at which a cut starts."""
+        """Lower the blade at the clamp to a cut's start height."""
         if self.plant.settings.height is not None:
             self.operator.tell(f"The blade is lowered to {1e3 * START_HEIGHT:g} mm at {1e3 * RAISE_SPEED:g} mm/s.")
             self.plant.raise_to(START_HEIGHT)
 
     def _check_at_rest(self) -> None:
-        """Check that the blade is where it was left, and that its force changed by no more than sensor drift; tare."""
+        """Check that the blade stayed and its force only drifted; tare."""
         plant = self.plant
         if abs(plant.position - START_POSITION) > _PUSHED:
             raise RigError(
@@ -300,7 +302,7 @@ class RigSession:
             )
 
     def _be_ready(self) -> None:
-        """Reset a stop if the operator agrees, prepare if necessary, and release."""
+        """Reset a stop if the operator agrees, prepare if necessary, release."""
         supervisor = self.plant.supervisor
         if (why := supervisor.latched) is not None:
             report = supervisor.report
@@ -318,7 +320,7 @@ class RigSession:
             self.start()
 
     def _free_the_blade(self) -> None:
-        """Have the specimen taken off; after a reset the drives are without power."""
+        """Have the specimen taken off; after a reset the drives are unpowered."""
         what = (
             "The drives are without power. Take the specimen off the blade: held by it, the blade would be stopped "
             "again. Then take your hands away"

@@ -28,7 +28,7 @@ _FRAME = 0.002  # [s] of a line or frame, and of the threads
 
 
 class Fit(NamedTuple):
-    """One thing that a rig can do, or cannot, with the reason."""
+    """One thing a rig can or cannot do, with the reason."""
 
     name: str
     possible: bool
@@ -44,10 +44,11 @@ def top_speed(settings: RigSettings) -> float:
 
 
 def simulator_keywords(settings: RigSettings) -> dict[str, float]:
-    """Return keywords with which the simulator is like a rig, in SI: what was identified, and what its file states.
+    """Return keywords to make the simulator like a rig, in SI.
 
-    That is the top speed if it is below that of the tasks, and the mean delay of a force until it is read: as it was
-    identified, or half the sensor's settling time and half a reading.
+    They are what was identified, and what its file states. That is the top speed if it is below that of the tasks, and
+    the mean delay of a force until it is read: as it was identified, or half the sensor's settling time and half a
+    reading.
     """
     found = environment_arguments(settings.identified, settings.position_control)
     if (speed := top_speed(settings)) < TASK_SPEED:
@@ -58,19 +59,20 @@ def simulator_keywords(settings: RigSettings) -> dict[str, float]:
 
 
 def decisions(settings: RigSettings) -> int:
-    """Return the most decisions a second of which each sees the outcome of the one before [Hz]; divides 1000.
+    """Return the highest rate of observed decisions [Hz]; divides 1000.
 
-    That is the rate at which sensor's delay, one reading and one sample of the motion fit into a period.
+    Each decision sees the outcome of the one before. That is the rate at which sensor's delay, one reading and one
+    sample of the motion fit into a period.
     """
     shortest = sensor_delay(settings) + 1.0 / settings.sensor.rate + settings.bus.sync
     return max((rate for rate in range(1, 1001) if 1000 % rate == 0 and rate * shortest <= 1.0), default=1)
 
 
 def stopping_ways(settings: RigSettings) -> dict[str, float]:
-    """Return the way of the blade at top speed from each fault to rest [m], as stated, none of it measured.
+    """Return stated stopping distances at top speed by fault [m].
 
-    By what has happened: a force that passes its limit, a sensor or a drive that falls silent, a computer that does.
-    nan: the driver does not state how long it goes on.
+    None of them is measured. By what has happened: a force that passes its limit, a sensor or a drive that falls
+    silent, a computer that does. nan: the driver does not state how long it goes on.
     """
     limits, speed = settings.limits, top_speed(settings)
     found = detection_times(limits, packet=1.0 / settings.sensor.rate, sync=settings.bus.sync)

@@ -47,12 +47,12 @@ class Weighing:
 
     @property
     def counts_per_newton(self) -> float:
-        """Slope of the counts over the weight [1/N], its sign by the sense of the load."""
+        """Slope of counts over weight [1/N], signed by the load."""
         return float(np.polyfit(self.forces, self.counts, 1)[0])
 
     @property
     def gain(self) -> float:
-        """Slope of the weight over the present reading, without its sign [1]."""
+        """Slope of weight over present reading, unsigned [1]."""
         return 1.0 / abs(float(np.polyfit(self.forces, self.readings, 1)[0]))
 
     @property
@@ -82,7 +82,7 @@ class _Witness:
 
 
 def weigh(plant: RigPlant, masses: Sequence[float], operator: Operator) -> Weighing:
-    """Ask for each weight in turn, and average the readings along the cut; nothing is powered, nothing moves.
+    """Ask for each weight, and average readings, without power or motion.
 
     Parameters
     ----------

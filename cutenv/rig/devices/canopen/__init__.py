@@ -1,4 +1,4 @@
-"""A CiA 402 drive on CANopen as an axis of the rig.
+"""Axes of a rig: CiA 402 drives on CANopen.
 
 Maxon's EPOS4 is such a drive. It needs the extra ``cutenv[rig]``.
 """

@@ -28,7 +28,7 @@ _UNPOWERED = (DriveState.DISABLED, DriveState.READY, DriveState.SWITCHED_ON, Dri
 
 
 class CanopenAxis(AxisDriver):
-    """A Maxon EPOS4, or another drive with its objects, in profile velocity mode.
+    """Maxon EPOS4, or another drive with its objects, in profile velocity mode.
 
     Positions are the drive's own: it must have been homed so that zero is the clamp. A drive found with power on is
     switched off when it is opened; one found in fault stays in fault: see :meth:`clear`.
@@ -123,7 +123,9 @@ class CanopenAxis(AxisDriver):
         self._network.leave(self)
 
     def limits(self) -> dict[str, float]:
-        """Return the drive's own "low", "high" (software limits), "speed", "acceleration" and "quick_stop".
+        """Return the drive's own travel, "speed", "acceleration" and "quick_stop".
+
+        The ends of travel are the software limits "low" and "high".
 
         Raises
         ------
@@ -133,7 +135,7 @@ class CanopenAxis(AxisDriver):
         return configuration.read_limits(self._book, self.units)
 
     def about(self) -> dict[str, float | str]:
-        """Return the drive's report about itself: identity, gear, encoder, units, and its response time.
+        """Return the drive's identity, gear, encoder, units and response time.
 
         Raises
         ------
@@ -255,7 +257,7 @@ class CanopenAxis(AxisDriver):
             self._listener.emergency(self.name, o.HINDERED, why, time)
 
     def _hindered(self, statusword: int, mode: int) -> str | None:
-        """Return why a drive that is enabled would not do as told; None if nothing hinders it."""
+        """Return why an enabled drive would not obey, or None."""
         self._limited = self._limited + 1 if statusword & o.INTERNAL_LIMIT else 0
         if mode != o.PROFILE_VELOCITY:
             return f"it has left profile velocity mode for mode {mode}"
@@ -282,7 +284,7 @@ class CanopenAxis(AxisDriver):
             self._listener.motion(self.name, sample)
 
     def _behind(self, late: int, time: float) -> None:
-        """Report a bus that delivers later and later: a quick stop would be as late as the answers to SYNC."""
+        """Report a bus that falls behind; a quick stop would be as late."""
         if self._listener is not None:
             self._listener.broken(self.name, f"{late} answers to SYNC are under way or lost: the bus is late", time)
 

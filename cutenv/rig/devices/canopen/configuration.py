@@ -22,11 +22,11 @@ _ANSWER_LIMIT = 0.5  # [s]; a drive takes a millisecond, unless it writes to its
 
 
 class Unanswered(RigError):
-    """Error for a drive that has not answered in time, or not to the question."""
+    """Error for a drive's missing, late or wrong answer."""
 
 
 class SdoRefused(RigError):
-    """Error for a drive that has answered with an abort code."""
+    """Error for a drive's answer with an abort code."""
 
 
 class SdoChannel:
@@ -121,7 +121,7 @@ _FIRST_QUESTIONS = 4  # times the answer limit of an SDO: a drive that was just 
 
 
 def check_identity(dictionary: SdoChannel, name: str, axis: Axis, bus: Bus) -> None:
-    """Check that the node exists and is a servo drive made by maxon.
+    """Check that the node exists and is a maxon drive.
 
     Raises
     ------
@@ -173,7 +173,7 @@ def configure(dictionary: SdoChannel, name: str, axis: Axis, bus: Bus) -> AxisUn
 
 
 def set_up(axis: Axis, units: AxisUnits) -> dict[o.Entry, int]:
-    """Return every object of motion and its limits that is written, in order, with its value."""
+    """Return motion and limit objects to write, in order, with values."""
     ends = sorted((units.increments(axis.low), units.increments(axis.high)))
     return {
         o.PRODUCER_HEARTBEAT: round(1e3 * PRODUCER_PERIOD),
@@ -194,7 +194,7 @@ def set_up(axis: Axis, units: AxisUnits) -> dict[o.Entry, int]:
 
 
 def read_limits(dictionary: SdoChannel, units: AxisUnits) -> dict[str, float]:
-    """Return the drive's ends of travel, top speed, acceleration and quick-stop deceleration, in SI."""
+    """Return the drive's travel, speed, acceleration and deceleration limits, in SI."""
     low, high = sorted(units.position(dictionary.read(entry)) for entry in (o.LOW_LIMIT, o.HIGH_LIMIT))
     return {
         "low": low,
@@ -206,7 +206,7 @@ def read_limits(dictionary: SdoChannel, units: AxisUnits) -> dict[str, float]:
 
 
 def read_identity(dictionary: SdoChannel, units: AxisUnits) -> dict[str, float | str]:
-    """Return the data that a drive reports about itself, read one by one."""
+    """Return the data a drive reports about itself."""
     return {
         "device_type": f"0x{dictionary.read(o.DEVICE_TYPE):08X}",
         "vendor": f"0x{dictionary.read(o.VENDOR):08X}",
@@ -235,7 +235,7 @@ def _check_mechanics(dictionary: SdoChannel, name: str, axis: Axis) -> None:
 
 
 def _velocity_steps(dictionary: SdoChannel, name: str) -> int:
-    """Request milli-rpm, and return the steps per rpm that the drive keeps: older firmware counts whole rpm."""
+    """Request milli-rpm; return the steps per rpm kept (whole rpm in old firmware)."""
     with contextlib.suppress(SdoRefused):  # the kept value is read below
         dictionary.put(o.VELOCITY_UNIT, o.MILLI_RPM)
     try:
@@ -251,7 +251,7 @@ def _velocity_steps(dictionary: SdoChannel, name: str) -> int:
 
 
 def _map(dictionary: SdoChannel, pdo: o.Pdo, node: int) -> None:
-    """Map a PDO in the order of CiA 301: disable it, empty it, fill it, enable it."""
+    """Map a PDO as in CiA 301: disable, empty, fill, enable."""
     number = dictionary.read(pdo.number) & o.PDO_NO_REQUEST | pdo.frame + node
     dictionary.write(pdo.number, number | o.PDO_UNUSED)
     dictionary.write(pdo.type, pdo.transmission)

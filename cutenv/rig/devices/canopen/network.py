@@ -117,7 +117,7 @@ class Socketcand:
             raise GatewayError(f"the CAN gateway at {self._where} has gone: {error}") from error
 
     def _expect(self, answer: str, question: str) -> None:
-        """Send a question, and wait for the answer in however many pieces it comes."""
+        """Send a question; wait for the answer, in any pieces."""
         if question:
             self._put(question, PATIENCE)
         deadline = time.monotonic() + PATIENCE
@@ -160,7 +160,7 @@ class Socketcand:
         return self._messages()
 
     def _messages(self) -> list[str]:
-        """Return the complete messages received so far; the rest is kept for later."""
+        """Return complete messages received so far; keep the rest."""
         messages = []
         while (end := self._text.find(b">")) >= 0:
             start = self._text.rfind(b"<", 0, end)
@@ -277,11 +277,11 @@ class Member(Protocol):
     """Latch of the rig, which knows when it was last judged."""
 
     def lost(self, why: str, time: float) -> None:
-        """Take the report that nothing can be sent or read any more, since ``time`` [s]."""
+        """Take the report of a lost bus since ``time`` [s]."""
         ...
 
     def overheard(self, number: int, data: bytes, time: float) -> None:
-        """Take a frame without a listener: not sent by us, and perhaps not by a drive."""
+        """Take another's frame that has no listener, perhaps not a drive's."""
         ...
 
 
@@ -352,7 +352,7 @@ class CanNetwork:
             self._members.append(member)
 
     def leave(self, member: Member) -> None:
-        """Remove a member; the last closes the bus. Never raises, and may be called twice."""
+        """Remove a member; the last closes the bus. Never raises, may be repeated."""
         with self._joining:
             if member in self._members:
                 self._members.remove(member)
@@ -360,7 +360,7 @@ class CanNetwork:
                     self._close()
 
     def listen(self, number: int, handler: Handler) -> None:
-        """Call ``handler(data, time)`` from the reader's thread for every frame with that number."""
+        """Call ``handler(data, time)`` from the reader's thread for matching frames."""
         self._handlers[number] = handler
 
     def ignore(self, number: int) -> None:
@@ -368,9 +368,9 @@ class CanNetwork:
         self._handlers.pop(number, None)
 
     def send_message(self, can_id: int, data: bytes) -> None:
-        """Put a frame on the bus, from any thread, waiting only for its place in the queue.
+        """Put a frame on the bus, from any thread.
 
-        The name is the one that canopen's SDO client calls.
+        It waits only for its place in the queue. The name is the one that canopen's SDO client calls.
 
         Raises
         ------
@@ -395,9 +395,10 @@ class CanNetwork:
         self._answers[node] = self._answers.get(node, 0) + 1
 
     def unanswered(self, node: int) -> int:
-        """Return how many SYNCs since the first answer a node has not answered yet; they are forgiven one a second.
+        """Return a node's unanswered SYNCs since its first answer.
 
-        They are under way where the bus delivers later and later, which the time of their arrival does not show.
+        They are forgiven one a second. They are under way where the bus delivers later and later, which the time of
+        their arrival does not show.
         """
         answers = self._answers.get(node, 0)
         behind = self._syncs - answers
@@ -410,7 +411,7 @@ class CanNetwork:
         return behind - usual
 
     def settle(self, node: int) -> None:
-        """Take the SYNCs that a node has not answered by now as usual, as at its opening: after a reset, at rest."""
+        """Take a node's unanswered SYNCs as usual, after a reset at rest."""
         self._usual[node] = self._syncs - self._answers.get(node, 0), self._syncs
 
     def manage(self, command: int, node: int) -> None:
@@ -424,7 +425,7 @@ class CanNetwork:
         self.send_message(NMT_FRAME, bytes((command, node)))
 
     def withhold_heartbeat(self) -> None:
-        """Stop sending heartbeats: the watchdog of every drive then stops it."""
+        """Stop sending heartbeats, so that every drive's watchdog stops it."""
         self._silent = True
 
     def resume_heartbeat(self) -> None:
@@ -454,7 +455,7 @@ class CanNetwork:
         ]
 
     def _refuse_another_master(self, bus: Any) -> None:
-        """Listen, before anything is sent, and raise RigError if another master commands the drives of this bus."""
+        """Listen before sending; raise RigError if another master commands drives."""
         ours = HEARTBEAT_FRAME + self.settings.node
         ends = time.monotonic() + _LISTENED
         while (left := ends - time.monotonic()) > 0.0:
@@ -535,7 +536,7 @@ class CanNetwork:
             self._break(f"frame 0x{number:03X} could not be handled: {error!r}")
 
     def _break(self, why: str) -> RigError:
-        """Inform the members once that the network is broken; return the error for the caller to raise."""
+        """Tell members that the network is broken; return the error."""
         with self._breaking:
             first, self.broken = self.broken is None, self.broken or why
         if first:
@@ -551,5 +552,5 @@ class CanNetwork:
 
 
 def _brief(error: Exception) -> str:
-    """Return the error's own text, without the traceback that some of python-can's interfaces add."""
+    """Return an error's own text, without any added traceback."""
     return str(error).partition("Traceback")[0].strip() or repr(error)

@@ -56,7 +56,7 @@ class Entry:
 
     @property
     def mapping(self) -> int:
-        """Value as an entry of a PDO mapping: index, sub-index and size."""
+        """Entry of a PDO mapping: index, sub-index and size."""
         return self.index << 16 | self.sub << 8 | self.bits
 
     def __str__(self) -> str:
@@ -166,7 +166,7 @@ class Pdo:
 
     @property
     def number(self) -> Entry:
-        """Object with the frame's number, and the bit that disables the PDO."""
+        """Object with the frame's number and disabling bit."""
         return Entry(self.set_up_at, 1, "I", "COB-ID of a PDO")
 
     @property
@@ -180,7 +180,7 @@ class Pdo:
         return Entry(self.mapped_at, 0, "B", "number of objects in a PDO")
 
     def slot(self, place: int) -> Entry:
-        """Return the entry for the mapped object at ``place``, from 1 on."""
+        """Return the entry for mapped object ``place``, from 1."""
         return Entry(self.mapped_at, place, "I", "object mapped to a PDO")
 
 
@@ -266,20 +266,20 @@ _KINDS = {
 
 
 def error_meaning(code: int) -> str:
-    """Return the meaning of an emergency code; for an unlisted one, its kind in the standard."""
+    """Return an emergency code's meaning; if unlisted, its kind in the standard."""
     if code >> 8 == 0:
         return "no error"
     return _ERRORS.get(code) or _KINDS.get(code >> 12, "not of the standard")
 
 
 def quick_stop_option_frame(node: int, option: int) -> tuple[int, bytes]:
-    """Return number and data of the frame (SDO) that sets a drive's quick-stop option; its answer is not read."""
+    """Return the SDO frame of a quick-stop option; its answer is not read."""
     entry = QUICK_STOP_OPTION
     return SDO_REQUEST_FRAME + node, struct.pack("<BHBhxx", _EXPEDITED_2, entry.index, entry.sub, option)
 
 
 def command_of_another(number: int, data: bytes, node: int, master: int) -> str | None:
-    """Describe what a frame that this computer has not sent commands node ``node`` of ``master``; None if nothing.
+    """Describe a foreign command to ``node`` of ``master``, or None.
 
     A CAN controller does not receive its own frames: whatever arrives under these numbers is from another master.
     """
@@ -295,7 +295,7 @@ def command_of_another(number: int, data: bytes, node: int, master: int) -> str 
 
 
 def command_frame(node: int, controlword: int, velocity: int = 0) -> tuple[int, bytes]:
-    """Return number and data of the frame (RPDO1) that commands a drive; velocity in the drive's own unit."""
+    """Return the RPDO1 frame of a command; velocity in drive units."""
     return COMMAND_PDO.frame + node, COMMAND_PDO.layout.pack(controlword, velocity, PROFILE_VELOCITY)
 
 
@@ -306,9 +306,9 @@ _STEPS_TO_TOP = 100  # least number of velocity units up to the top speed: fewer
 
 @dataclass(frozen=True, kw_only=True)
 class AxisUnits:
-    """Conversion between an axis in SI and its drive's integers, which count the motor's shaft.
+    """Conversion between an axis in SI and its drive's integers.
 
-    "Length" below is metres, or radians of an axis that turns.
+    They count the motor's shaft. "Length" below is metres, or radians of an axis that turns.
 
     Attributes
     ----------
@@ -344,7 +344,7 @@ class AxisUnits:
             )
 
     def increments(self, position: float) -> int:
-        """Return a position [length] in increments of the drive, rounded to the nearest."""
+        """Return a position [length] in drive increments, rounded."""
         return round(self._increments(position))
 
     def position(self, increments: int) -> float:
@@ -352,7 +352,7 @@ class AxisUnits:
         return increments / self._per_length
 
     def velocity(self, speed: float) -> int:
-        """Return a speed [length/s] in the drive's velocity unit, rounded to the nearest.
+        """Return a speed [length/s] in drive units, rounded.
 
         Raises
         ------
@@ -368,7 +368,7 @@ class AxisUnits:
         return self.axis.direction * velocity / self._per_speed
 
     def ramp(self, acceleration: float) -> int:
-        """Return an acceleration [length/s2] in the drive's unit [rpm/s], rounded to the nearest, at least 1."""
+        """Return an acceleration [length/s2] in [rpm/s], rounded, at least 1."""
         return max(round(acceleration * self._rpm), 1)
 
     def acceleration(self, ramp: int) -> float:
@@ -377,7 +377,7 @@ class AxisUnits:
 
     @property
     def speed_step(self) -> float:
-        """Least difference of two speeds that the drive can distinguish [length/s]."""
+        """Least speed difference the drive distinguishes [length/s]."""
         return 1.0 / self._per_speed
 
     @property

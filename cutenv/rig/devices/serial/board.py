@@ -80,7 +80,7 @@ class ForceReport(NamedTuple):
 
 
 class BoardIdentity(NamedTuple):
-    """Identity of the board: version of the protocol, converter, its rate [Hz]."""
+    """Identity of a board: protocol version, converter, rate [Hz]."""
 
     protocol: int
     converter: str
@@ -171,11 +171,11 @@ class BoardMember(Protocol):
     """Axis or force sensor on the board."""
 
     def watched(self, now: float) -> bool:
-        """Return whether a supervisor has judged the rig lately, or there is none; True for a sensor."""
+        """Return whether a supervisor judged lately or none exists; True for sensors."""
         ...
 
     def received(self, report: Report, time: float) -> None:
-        """Take a report that arrived at ``time`` [s]; called in the reader's thread."""
+        """Take a report that arrived at ``time`` [s], in the reader's thread."""
         ...
 
     def garbled(self, why: str, time: float) -> None:
@@ -183,7 +183,7 @@ class BoardMember(Protocol):
         ...
 
     def lost(self, why: str, time: float) -> None:
-        """Take the news that the board cannot be reached since ``time`` [s]."""
+        """Take the report of a board lost since ``time`` [s]."""
         ...
 
 
@@ -251,7 +251,7 @@ class SerialBoard:
             return self.identity
 
     def leave(self, member: BoardMember) -> None:
-        """Remove a member; the last closes the port. Never raises, and may be called twice."""
+        """Remove a member; the last closes the port. Never raises, may be repeated."""
         with self._joining:
             if member in self._members:
                 self._members.remove(member)
@@ -259,7 +259,7 @@ class SerialBoard:
                     self._close()
 
     def send(self, text: str) -> None:
-        """Put a line on the port, from any thread, without waiting for an answer.
+        """Put a line on the port, from any thread, without waiting.
 
         Raises
         ------
@@ -298,7 +298,7 @@ class SerialBoard:
         raise RigError(f"the board at {self.port}: {why}")
 
     def withhold_life(self) -> None:
-        """End this computer's sign of life: the board then stops the stepper by itself."""
+        """End the sign of life; the board then stops the stepper."""
         self._silent = True
 
     def resume_life(self) -> None:
@@ -321,7 +321,7 @@ class SerialBoard:
         self._beat = self._clock.every(BEAT, lambda now: self._live(), "cutenv board life")
 
     def _identified(self) -> BoardIdentity:
-        """Ask the board who it is, again and again while it may still be starting."""
+        """Ask the board's identity repeatedly, as it may be starting."""
         ends = self._clock.now() + _BOOT
         while True:
             try:
@@ -401,7 +401,7 @@ class SerialBoard:
                 self._break(f"a report could not be handled: {error!r}")
 
     def _break(self, why: str) -> RigError:
-        """Inform the members once that the line is broken; return the error for the caller to raise."""
+        """Tell members that the line is broken; return the error."""
         with self._changed:
             first, self.broken = self.broken is None, self.broken or why
             self._changed.notify_all()

@@ -120,7 +120,7 @@ BOARD_PERIOD = 0.010
 
 
 def on_pseudo_terminal(rig: RigSettings, role: str) -> bool:
-    """Return whether the port of a section's driver is a pseudo-terminal: an emulator on this computer."""
+    """Return whether a driver's port is an emulator's pseudo-terminal."""
     return is_pseudo_terminal(getattr(rig, role).options.port)
 
 
@@ -145,7 +145,7 @@ _RESTARTED = (0x6180, "it was restarted, and no longer knows where the blade sta
     options=StepperOptions, needs=("lead",), check=check_stepper, emulated=on_pseudo_terminal, patience=BOARD_PATIENCE
 )
 class StepperAxis(AxisDriver):
-    """Stepper by step and direction, on a board with the sketch of assets/firmware.
+    """Stepper by step and direction, on a board with assets/firmware.
 
     Its position counts from where a person has set zero since the board has power: ``cutenv rig zero``. The board never
     leaves a quick stop by a command of speed, so that ``for_good`` changes nothing.
@@ -193,7 +193,7 @@ class StepperAxis(AxisDriver):
         self._board.leave(self)
 
     def limits(self) -> dict[str, float]:
-        """Return the board's own "low", "high", "speed", "acceleration" and "quick_stop", read back from it.
+        """Return "low", "high", "speed", "acceleration" and "quick_stop" read back.
 
         Raises
         ------
@@ -208,7 +208,7 @@ class StepperAxis(AxisDriver):
         return {"low": low, "high": high, "speed": speed, "acceleration": acceleration, "quick_stop": quick}
 
     def about(self) -> dict[str, float | str]:
-        """Return the board's report about itself, and what it did not understand."""
+        """Return the board's report and what it misunderstood."""
         asked = self._clock.now()
         self._board.ask("P", StepperSetup)
         trip = self._clock.now() - asked
@@ -225,11 +225,11 @@ class StepperAxis(AxisDriver):
 
     @property
     def zeroed(self) -> bool:
-        """True if a person has set zero since the board has power."""
+        """True if a person set zero since the board has power."""
         return bool(self._report.flags & BoardFlag.ZEROED)
 
     def set_zero(self) -> None:
-        """Take the present position, without power, as zero: the blade stands at the clamp.
+        """Take the present unpowered position, at the clamp, as zero.
 
         Raises
         ------
@@ -301,11 +301,11 @@ class StepperAxis(AxisDriver):
     # Reports of the board; called by its reader
 
     def watched(self, now: float) -> bool:
-        """Return whether the rig was judged lately: without, the board gets no sign of life, and stops by itself."""
+        """Return whether the rig was judged lately; else the board stops by itself."""
         return self.latch.watched(now)
 
     def received(self, report: Report, time: float) -> None:
-        """Take a report of the motion; others are not for an axis."""
+        """Take a motion report; ignore others."""
         if not isinstance(report, MotionReport):
             return
         before, listener = self._last, self._listener
@@ -335,7 +335,7 @@ class StepperAxis(AxisDriver):
             listener.emergency(self.name, code, meaning, time)
 
     def garbled(self, why: str, time: float) -> None:
-        """Ignore a damaged line: the board repeats its state, and a lack of reports is noticed."""
+        """Ignore a damaged line: the state is repeated, silence noticed."""
 
     @property
     def _report(self) -> MotionReport:
@@ -393,7 +393,7 @@ def _check(rig: RigSettings, role: str) -> None:
 
 @rig_driver(options=LoadCellOptions, check=_check, emulated=on_pseudo_terminal)
 class LoadCell(StreamedSensor):
-    """Load cell on an HX711, ADS1220 or NAU7802, on a board with the sketch of assets/firmware.
+    """Load cell on an HX711, ADS1220 or NAU7802, on a board with assets/firmware.
 
     It measures the force along the cut alone; the other components read 0.
 
@@ -436,7 +436,7 @@ class LoadCell(StreamedSensor):
         return "a force at the end of the converter's range" if status == 1 else f"status {status}"
 
     def about(self) -> dict[str, float | str]:
-        """Return what the board says of its converter, and the counts of readings."""
+        """Return the board's converter data and counts of readings."""
         return {
             "port": self._board.port,
             "converter": self._converter,
@@ -464,10 +464,10 @@ class LoadCell(StreamedSensor):
             self.garbled(f"reading {number} does not follow {self._stream.last}: a restart?", now)
 
     def lost(self, why: str, time: float) -> None:
-        """Note that the board is gone: the lack of readings is noticed, and an axis on it reports it."""
+        """Note a lost board, which missing readings or an axis will report."""
         self._note(why)
 
 
 def sensor_delay(rig: RigSettings) -> float:
-    """Return the time until a force is in the readings of a rig's sensor [s]; 0 if its driver states none."""
+    """Return a force's delay in readings [s], 0 if unstated."""
     return float(getattr(rig.sensor.options, "delay", 0.0))

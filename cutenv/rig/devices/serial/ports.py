@@ -47,7 +47,7 @@ def open_port(port: str, baud: int, *, read_limit: float) -> Any:
 
 
 def write_line(line: Any, data: bytes, limit: float) -> None:
-    """Write bytes to an open port, waiting at most ``limit`` [s] for their place in its buffer.
+    """Write bytes to a port, waiting at most ``limit`` [s].
 
     Not by pyserial's own ``write``: with a time limit that takes a late computer for a full buffer, and without one it
     waits for ever.
@@ -85,7 +85,7 @@ def _why(port: str, error: Exception) -> str:
 
 
 def present_ports() -> list[str]:
-    """Return the serial ports that this computer has, by the names that stay the same where there are some."""
+    """Return this computer's serial ports, by stable names if any."""
     from serial.tools import list_ports
 
     by_id = "/dev/serial/by-id"
@@ -101,7 +101,7 @@ def _names(folder: str) -> list[str]:
 
 
 def is_pseudo_terminal(port: str) -> bool:
-    """Return whether a port is a pseudo-terminal, behind which a program of this computer plays the device."""
+    """Return whether a port is a pseudo-terminal, where a local program plays devices."""
     real = os.path.realpath(port)
     try:
         return real.startswith("/dev/pts/") and stat.S_ISCHR(os.stat(real).st_mode)

@@ -1,4 +1,4 @@
-"""Assembly of the emulated rig on a CAN bus, with a Net F/T."""
+"""Emulated rig on a CAN bus, with a Net F/T."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ class Options:
 
 
 class EmulatedRig(EmulatedBench):
-    """Emulated rig on a CAN bus: hub, drives, motors, tissue and sensor.
+    """Emulated rig on CAN: hub, drives, motors, tissue and sensor.
 
     Attributes
     ----------
@@ -215,7 +215,7 @@ class EmulatedRig(EmulatedBench):
 
     @property
     def places(self) -> dict[str, float]:
-        """Height of the blade's lower end, upwards, and place to the left [m], by axis."""
+        """Blade's height, upwards, and place to the left [m], by axis."""
         return {name: float(self.axes[name].motor["carriage"]) for name in self.cross_axes}
 
     def _send(self, frame: Frame) -> None:
@@ -229,14 +229,14 @@ class EmulatedRig(EmulatedBench):
                 node.receive(frame, now)
 
     def state(self) -> dict[str, Any]:
-        """Return the state of the drives, and how many programs are connected."""
+        """Return the drives' state, and the number of connected programs."""
         return {
             "nodes": [node.about() for node in self.nodes.values()],
             "clients": {"can": self.hub.clients, "sensor": self.sensor.clients},
         }
 
     def truth(self) -> dict[str, Any]:
-        """Return the position of the motor, and height and place to the side of a blade that axes move there [m]."""
+        """Return the motor's position, and the blade's height and side place [m]."""
         told = {"motor_position_m": float(self.axes["blade"].motor["position"])}
         return told | self._noted()
 
@@ -280,7 +280,7 @@ class EmulatedRig(EmulatedBench):
         self.sensor.send((reading, fy, fz, tx, ty, tz))
 
     def _flag(self, due: float, speed: float) -> None:
-        """Record that the blade leaves what was measured: there, tissue answers as at the nearest angle and speed."""
+        """Record that the blade leaves the measured range; the nearest values hold."""
         low, high = ANGLE_RANGE
         measured = low - _SLACK <= self.angle <= high + _SLACK and speed <= _FASTEST
         if measured is self._measured:

@@ -128,7 +128,7 @@ REQUESTS: dict[str, tuple[Callable[[EmulatedBench, Request], Request], tuple[str
 
 
 def answered(rig: EmulatedBench, request: Any) -> Request:
-    """Return the answer to one request: "ok", and either the result or an "error" with its cure."""
+    """Return a request's answer: "ok" with result, or "error" with cure."""
     try:
         if not isinstance(request, dict):
             raise ValueError('a request is an object such as {"do": "state"}.')
@@ -181,7 +181,7 @@ class ControlServer(socketserver.ThreadingTCPServer):
         self._thread.start()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Ignore a client that has gone before its error could be sent."""
+        """Ignore a client that left before its error was sent."""
 
     def close(self) -> None:
         """Stop listening."""
@@ -238,7 +238,7 @@ class EmulatorControl:
     def specimen(
         self, *, seed: int = 0, episode: int = 0, specimen_class: str = "liver", tissue: Path | str | None = None
     ) -> Request:
-        """Lay a fresh specimen, with the blade at the clamp; ``tissue`` is the file of a description."""
+        """Mount a fresh specimen, blade at the clamp; ``tissue`` is a description's file."""
         extra = {} if tissue is None else {"tissue": str(Path(tissue).absolute())}
         return self.ask("specimen", seed=seed, episode=episode, **{"class": specimen_class}, **extra)
 
@@ -246,7 +246,7 @@ class EmulatorControl:
         self, specimen: Specimen, *, seed: int = 0, episode: int = 0, layers: Layers | None = None,
         line: CutLine | None = None,
     ) -> Request:  # fmt: skip
-        """Lay a given specimen; seed and episode select the sensor's noise.
+        """Mount a given specimen; seed and episode select sensor noise.
 
         Layers are for a rig with a height axis, a line for one with an axis to the side.
         """
@@ -272,12 +272,12 @@ class EmulatorControl:
         return cleared
 
     def events(self, since: int = 0) -> list[Request]:
-        """Return the events from index ``since`` on; ``time_s`` is on the machine's monotonic clock."""
+        """Return events from index ``since``; ``time_s`` is on the monotonic clock."""
         events: list[Request] = self.ask("events", since=since)["events"]
         return events
 
     def state(self) -> Request:
-        """Return the state of drives, active faults and clients, and the emulator's own stalls."""
+        """Return drives, active faults, clients, and the emulator's own stalls."""
         return self.ask("state")
 
     def truth(self) -> Request:
@@ -289,7 +289,7 @@ class EmulatorControl:
         self.ask("free_air")
 
     def watch(self, force_N: float) -> None:
-        """Set the true force [N] whose crossing is recorded as an event."""
+        """Set the true force [N] whose crossing is an event."""
         self.ask("watch", force_N=force_N)
 
     def shutdown(self) -> None:

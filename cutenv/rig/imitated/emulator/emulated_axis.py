@@ -111,7 +111,7 @@ class ObjectDictionary:
         return value
 
     def __setitem__(self, place: tuple[int, int] | int, value: int) -> None:
-        """Set a value from the drive itself, limited to the range of its kind."""
+        """Set a value from the drive, clipped to its range."""
         where = (place, 0) if isinstance(place, int) else place
         low, high = self._ranges[where]
         self._values[where] = min(max(value, low), high)
@@ -136,7 +136,7 @@ class ObjectDictionary:
 
 
 def epos4(node: int) -> list[Entry]:
-    """Return the objects of an EPOS4 50/15 at node ``node``; defaults from its device file, to be confirmed."""
+    """Return an EPOS4 50/15's objects; defaults from its device file, to be confirmed."""
     entries = [*o.NAMED, *_process_data(node), *_others(node)]
     given = {(entry.index, entry.sub) for entry in entries}
     highest = {index: sub for index, sub in sorted(given)}
@@ -238,7 +238,7 @@ class StatusBit(IntEnum):
 
 
 class DriveCommand(IntEnum):
-    """Command in the low byte of a controlword (6040), as CiA 402 masks it."""
+    """Command in a controlword's low byte (6040), masked as in CiA 402."""
 
     DISABLE_VOLTAGE = 0
     QUICK_STOP = 1
@@ -307,7 +307,7 @@ _SLOW = 1e-4  # [m/s or rad/s] below which an axis is at rest
 
 
 class EmulatedAxis:
-    """Motor and mechanics of one axis, as its drive sees and commands them.
+    """Motor and mechanics of one axis, as its drive sees them.
 
     Parameters
     ----------
@@ -346,7 +346,7 @@ class EmulatedAxis:
         self._stuck_at = 0
 
     def commission(self, dictionary: ObjectDictionary) -> None:
-        """Enter motor, gear and encoder as a person does who mounts the drive."""
+        """Enter motor, gear and encoder, as when mounting the drive."""
         gear = Fraction(self.settings.gear).limit_denominator(10000)
         dictionary[0x3003, 1], dictionary[0x3003, 2] = gear.numerator, gear.denominator
         dictionary[0x3010, 1] = self.settings.pulses
@@ -355,7 +355,7 @@ class EmulatedAxis:
     # Units of the drive.
 
     def _revolution(self, dictionary: ObjectDictionary) -> float:
-        """Return the axis's travel for one turn of the motor, as far as the drive knows it [m or rad]."""
+        """Return travel per motor turn, known to the drive [m or rad]."""
         return self._increment * 4 * dictionary[0x3010, 1]
 
     def _velocity(self, dictionary: ObjectDictionary) -> float:
@@ -367,7 +367,7 @@ class EmulatedAxis:
         return round(speed / self._velocity(dictionary))
 
     def increments(self, ahead: float = 0.0) -> int:
-        """Return the encoder's count, ``ahead`` [s] of the motor's last millisecond."""
+        """Return the encoder's count, ``ahead`` [s] of the last millisecond."""
         if self.encoder_stuck:
             return self._stuck_at
         position = float(self.motor["position"]) + ahead * float(self.motor["speed"])
@@ -382,7 +382,7 @@ class EmulatedAxis:
         self.encoder_stuck = stuck
 
     def shift(self, way: float) -> None:
-        """Let the encoder count from another zero, ``way`` [m or rad] further."""
+        """Shift the encoder's zero by ``way`` [m or rad]."""
         self._shift += round(way / self._increment)
 
     # Commands of the drive to the motor.
@@ -392,7 +392,7 @@ class EmulatedAxis:
         self.motor["mode"] = MODE_OFF
 
     def drive(self, dictionary: ObjectDictionary, state: DriveState, controlword: int, *, stopping: bool) -> None:
-        """Set the motor's task by state, mode and target, within the limits of the objects."""
+        """Set the motor's task by state, mode and target, within limits."""
         motor = self.motor
         unit, per_rpm = self._velocity(dictionary), abs(self._revolution(dictionary)) / 60.0
         motor["strongest"] = 1e-3 * dictionary[0x3001, 2] * self._force_per_ampere
@@ -412,20 +412,20 @@ class EmulatedAxis:
             motor["mode"] = MODE_RAMP
 
     def controlled(self, dictionary: ObjectDictionary, state: DriveState, controlword: int, before: int) -> None:
-        """Apply the mode's own bits of a new controlword: homing sets the present position to the home offset."""
+        """Apply a controlword's mode bits; homing sets position to home offset."""
         starts = controlword & _NEW_TASK and not before & _NEW_TASK
         if state is DriveState.ENABLED and dictionary[0x6060] == _HOMING and starts:
             self._shift += dictionary[0x607C] - self.increments()
             self._homed = True
 
     def turn(self, load: float) -> None:
-        """Advance by a millisecond while ``load`` acts on the carriage [N or N m], negative toward the clamp."""
+        """Advance a millisecond under ``load`` [N or N m], negative toward the clamp."""
         turn_motor(self._motors, load)
 
     # State of the motor, as the drive reports it.
 
     def tell(self, dictionary: ObjectDictionary, state: DriveState, operational: bool, *, ahead: float = 0.0) -> None:
-        """Set the objects that report the axis's state, ``ahead`` [s] of its last millisecond.
+        """Set the state's objects, ``ahead`` [s] of the last millisecond.
 
         A drive latches its encoder when SYNC arrives. Reported as of the last millisecond, a constant speed would seem
         to change by a fifth from one SYNC to the next.
@@ -457,16 +457,16 @@ class EmulatedAxis:
         dictionary[0x6041] = word
 
     def rests(self) -> bool:
-        """Return whether the axis is at rest, and is meant to be."""
+        """Return whether the axis is and should be at rest."""
         return bool(self.motor["demand"] == 0.0 and abs(self.motor["speed"]) < _SLOW)
 
     def lags_too_far(self, dictionary: ObjectDictionary) -> bool:
-        """Return whether encoder and demanded position differ by more than object 6065 allows."""
+        """Return whether the following error exceeds object 6065."""
         window = dictionary[0x6065]
         return window != _DISABLED and abs(self._demanded() - self.increments()) > window
 
     def leaves_travel(self, dictionary: ObjectDictionary) -> bool:
-        """Return whether the axis is beyond a software limit (object 607D) and commanded further out."""
+        """Return whether the axis moves out beyond software limits (607D)."""
         low, high = dictionary[0x607D, 1], dictionary[0x607D, 2]
         if low >= high:
             return False  # off

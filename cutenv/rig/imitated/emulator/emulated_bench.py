@@ -94,7 +94,7 @@ Act = Callable[[Any, Parameters, Any], None]
 def switched(
     act: Act, summary: str, on: Any = True, off: Any = False, *, of_axis: bool = False, **parameters: Range
 ) -> InjectedFault:
-    """Make a fault that acts with ``on``, or the parameter of that name, and at its end with ``off``."""
+    """Make a fault that acts by ``on`` (value or parameter), and ends by ``off``."""
 
     def begin(rig: Any, given: Parameters) -> None:
         act(rig, given, type(off)(given[on] if isinstance(on, str) else on))
@@ -105,7 +105,7 @@ def switched(
 
 
 def attribute(name: str, of: str = "") -> Act:
-    """Set an attribute of a part of the rig, such as "sensor.faults"; "": of the rig itself."""
+    """Set an attribute of a rig part, such as "sensor.faults"; "" is the rig."""
     return lambda rig, p, value: setattr(attrgetter(of)(rig) if of else rig, name, value)
 
 
@@ -298,7 +298,7 @@ class EmulatedBench(ABC):
 
     @abstractmethod
     def state(self) -> dict[str, Any]:
-        """Return the state of its devices, for JSON: "nodes" and "clients" at least."""
+        """Return the devices' state for JSON, with "nodes" and "clients"."""
 
     @abstractmethod
     def truth(self) -> dict[str, Any]:
@@ -362,7 +362,7 @@ class EmulatedBench(ABC):
             return [key[0] for key in found]
 
     def happened(self, what: str, *, time: float | None = None, **details: Any) -> None:
-        """Record an event, now or at a ``time`` of the monotonic clock [s], with the position of the carriage."""
+        """Record an event, now or at monotonic ``time`` [s], with the carriage's position."""
         moment = self.now() if time is None else time
         with self.lock:
             position = self.position
@@ -384,7 +384,7 @@ class EmulatedBench(ABC):
     # Time.
 
     def run(self) -> None:
-        """Advance by a millisecond every millisecond, until :attr:`stopped` is set; late ones are caught up."""
+        """Advance every millisecond until :attr:`stopped`, catching up late ones."""
         begun = self.now()
         with self.lock:
             self._due = begun
@@ -397,7 +397,7 @@ class EmulatedBench(ABC):
                 time.sleep(left)
 
     def _catch_up(self, now: float) -> float:
-        """Advance by all milliseconds that are due, none before :meth:`run`; return the end of the next one [s]."""
+        """Advance by due milliseconds, none before :meth:`run`; return the next's end [s]."""
         with self.lock:
             if self._due is None:
                 return now

@@ -64,7 +64,7 @@ class EmulatedLine:
         return self._master >= 0
 
     def plug(self) -> None:
-        """Put the cable in: a new terminal, under the same name."""
+        """Plug the cable in: a new terminal under the same name."""
         if self.plugged:
             return
         import tty  # here: there is none on Windows, where this module is imported too
@@ -77,7 +77,7 @@ class EmulatedLine:
         link.symlink_to(os.ttyname(self._slave))
 
     def unplug(self) -> None:
-        """Pull the cable out: the terminal is gone, and so is its name."""
+        """Unplug the cable: terminal and name vanish."""
         if not self.plugged:
             return
         Path(self.port).unlink(missing_ok=True)
@@ -99,7 +99,7 @@ class EmulatedLine:
         return b"" if self.deaf else read
 
     def say(self, sent: bytes, now: float) -> list[bytes]:
-        """Send the board's bytes to the computer; return its whole lines, whatever becomes of them on the way."""
+        """Send the board's bytes; return its whole lines, lost ones too."""
         *lines, self._rest = (self._rest + sent).split(b"\n")
         for line in lines:
             for _ in range(1 + self.doubled):
@@ -172,7 +172,7 @@ class Firmware:
         self._board.board_feed(line, len(line))
 
     def drain(self) -> bytes:
-        """Return the bytes that the board has sent since the last call."""
+        """Return the board's bytes since the last call."""
         buffer = ctypes.create_string_buffer(_DRAINED)
         size = self._board.board_drain(buffer, _DRAINED)
         return buffer.raw[:size]
@@ -190,7 +190,7 @@ class Firmware:
         self._board.board_set_pin(pin, int(is_open))
 
     def block(self, blocked: bool) -> None:
-        """Let the motor stand though it gets pulses, or follow them again."""
+        """Block the motor against pulses, or let it follow again."""
         self._board.board_block(int(blocked))
 
     @property
@@ -205,7 +205,7 @@ class Firmware:
 
 
 def compiled(converter: str) -> Path:
-    """Return the library of the sketch with this converter, compiled on the first call on a machine.
+    """Return the sketch's library with this converter, compiled on first use.
 
     Raises
     ------
@@ -242,7 +242,7 @@ def compiled(converter: str) -> Path:
 
 
 def _loaded(library: Path) -> ctypes.CDLL:
-    """Load a copy of the library: the sketch has global variables, and each board its own."""
+    """Load a copy of the library, so that each board has its variables."""
     with tempfile.TemporaryDirectory(prefix="cutenv-board-") as folder:
         copy = Path(folder) / library.name
         shutil.copyfile(library, copy)
@@ -326,25 +326,25 @@ class EmulatedGrbl:
 
     @property
     def carriage(self) -> float:
-        """Position of the carriage [mm]: that of the machine, but for what a blocked one did not follow."""
+        """Position of the carriage [mm], without pulses missed while blocked."""
         return self.position - self._slipped
 
     def set_zero(self) -> None:
-        """Give the present position the coordinate of the clamp, as ``cutenv rig zero`` does."""
+        """Set the clamp's coordinate here, as ``cutenv rig zero`` does."""
         self._shift = self.position - MARK
 
     def feed_hold(self) -> None:
-        """Slow down and forget its jogs, as when somebody presses its button for feed hold while it jogs."""
+        """Slow down and drop jogs, as by the feed-hold button."""
         self._cancelling = bool(self._blocks)
 
     def alarm(self, number: int) -> None:
-        """Stop at once, as at a limit switch (1) or a reset in motion (3): the position is lost."""
+        """Stop at once and lose the position, by limit (1) or reset (3)."""
         self._blocks.clear()
         self.speed, self.state, self._cancelling = 0.0, "Alarm", False
         self.line.say(b"ALARM:%d\r\n" % number, time.monotonic())
 
     def reset(self) -> None:
-        """Restart, as by a soft reset: what was under way is gone, and so is the shift of the coordinates."""
+        """Restart by soft reset, without jogs or shifted coordinates."""
         moved = self.speed != 0.0
         self._blocks.clear()
         self._text, self.speed, self._shift, self._cancelling = "", 0.0, 0.0, False

@@ -46,7 +46,7 @@ class Frame(NamedTuple):
 
 
 class BadMessage(ValueError):
-    """Error for text from a client that is not a message of socketcand."""
+    """Error for client text that is no socketcand message."""
 
 
 def parsed_send(content: str) -> Frame:
@@ -71,7 +71,7 @@ def parsed_send(content: str) -> Frame:
 
 
 def frame_text(frame: Frame, moment: float) -> bytes:
-    """Return the message that carries ``frame``, seen at ``moment`` [s since 1970], to a client."""
+    """Return the message of ``frame`` at ``moment`` [s since 1970]."""
     identifier = f"{frame.identifier:08X}" if frame.extended else f"{frame.identifier:03X}"
     return f"< frame {identifier} {moment:.6f} {frame.data.hex().upper()} >".encode()
 

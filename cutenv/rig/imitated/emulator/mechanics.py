@@ -115,7 +115,7 @@ class Mechanics:
 
 
 def hinge(*, lag: float = 0.040, dead_time: float = 0.0, backlash: float = 0.0005, friction: float = 0.05) -> Mechanics:
-    """Return the mechanics of the axis that turns the blade, in radians."""
+    """Return the mechanics of the blade's hinge, in radians."""
     return Mechanics(
         lag=lag, dead_time=dead_time, backlash=backlash, friction=friction, viscosity=0.005, rotor_inertia=1e-6,
         torque_constant=0.02, mass=2e-4, carriage_friction=0.005, stiffness=200.0, loop=0.0025,
@@ -123,7 +123,7 @@ def hinge(*, lag: float = 0.040, dead_time: float = 0.0, backlash: float = 0.000
 
 
 def position_control(mechanics: Mechanics, axis: Axis) -> PositionControl | None:
-    """Return the PD control of an emulated axis as a rig's file tells it; None for a velocity loop."""
+    """Return an emulated axis's PD control, None for velocity loops."""
     if mechanics.proportional_gain == 0.0:
         return None
     return PositionControl(
@@ -135,7 +135,7 @@ def position_control(mechanics: Mechanics, axis: Axis) -> PositionControl | None
 
 
 def moved_mass(mechanics: Mechanics, axis: Axis) -> float:
-    """Return the inertia of the motor's side, referred to the carriage [kg or kg m2]."""
+    """Return the motor's inertia at the carriage [kg or kg m2]."""
     return mechanics.rotor_inertia * (2 * math.pi * axis.gear / axis.lead) ** 2
 
 
@@ -189,7 +189,7 @@ MOTOR: np.dtype[Any] = np.dtype(
 
 
 def motor_record(axis: Axis, mechanics: Mechanics, *, position: float, margin: float) -> StructArray:
-    """Return one axis at rest at ``position``, shape (1,); its mechanical ends are ``margin`` beyond its travel."""
+    """Return one resting axis, shape (1,), with mechanical ends ``margin`` beyond travel."""
     motors = np.zeros(1, MOTOR)
     for name in (
         "lag", "backlash", "friction", "viscosity", "mass", "carriage_friction", "stiffness", "loop",
@@ -207,7 +207,7 @@ def motor_record(axis: Axis, mechanics: Mechanics, *, position: float, margin: f
 
 
 def force_per_ampere(axis: Axis, mechanics: Mechanics) -> float:
-    """Return the motor's force referred to the carriage [N/A or N m/A]."""
+    """Return the motor's force at the carriage [N/A or N m/A]."""
     return mechanics.torque_constant * 2 * math.pi * axis.gear / axis.lead
 
 
@@ -216,7 +216,7 @@ _AT_REST = 1e-5  # [m/s or rad/s] below which a demanded speed becomes zero, as 
 
 @njit_internal
 def govern(motor: Struct, target: float, dt: float) -> None:
-    """Advance the demanded speed toward the target, by lag and acceleration limits, or down the ramp of a stop."""
+    """Advance the demanded speed, by lag, acceleration limits or stop ramp."""
     before = motor.demand
     if motor.mode == MODE_RAMP:
         rate = motor.ramp
@@ -238,14 +238,14 @@ def govern(motor: Struct, target: float, dt: float) -> None:
 
 @njit_internal
 def rubbed(speed: float, force: float, friction: float, inertia: float, dt: float) -> float:
-    """Return the speed after ``dt`` under ``force`` and Coulomb friction, which never reverses a motion."""
+    """Return the speed after ``dt`` under ``force`` and never-reversing Coulomb friction."""
     free = speed + force * dt / inertia
     return math.copysign(max(abs(free) - friction * dt / inertia, 0.0), free)
 
 
 @njit
 def turn_motor(motors: StructArray, load: float) -> None:
-    """Advance one axis, shape (1,), by a millisecond while ``load`` acts on its carriage (negative: to the clamp)."""
+    """Advance one axis, shape (1,), a millisecond under ``load``, negative toward the clamp."""
     motor = motors[0]
     dt = SUBSTEP
     motor.line[motor.tick % _DELAYS] = motor.target
@@ -341,7 +341,9 @@ class EmulatedTissue:
         self._plane: TissueInPlane | None = None
 
     def mount(self, specimen: Specimen, mounted: MountedSpecimen, *, position: float, angle: float) -> None:
-        """Clamp a fresh specimen with its crack at the blade, which must be at the clamp, at height 0, in the middle.
+        """Clamp a fresh specimen, its crack at the blade.
+
+        The blade must be at the clamp, at height 0, in the middle.
 
         Parameters
         ----------
@@ -382,11 +384,11 @@ class EmulatedTissue:
             self._plant.states["blade"] = self._plant.states["tip"] = within(position)
 
     def add_force(self, force: float) -> None:
-        """Add ``force`` [N] to the tissue's along the cut; 0 removes it."""
+        """Add ``force`` [N] along the cut; 0 removes it."""
         self._extra = force
 
     def add_across(self, axis: str, force: float) -> None:
-        """Add a ``force`` [N], upwards, or to the right, to the tissue's; 0 removes it.
+        """Add ``force`` [N] upwards or to the right; 0 removes it.
 
         Raises
         ------
@@ -418,12 +420,12 @@ class EmulatedTissue:
 
     @property
     def true_force(self) -> float:
-        """Force of the tissue on the blade, back toward the clamp [N]."""
+        """Tissue's force on the blade, toward the clamp [N]."""
         return self._force
 
     @property
     def tip(self) -> float:
-        """Position of the crack tip, along its line if it has one [m]."""
+        """Position of the crack tip, along any line [m]."""
         if self._plane is not None:
             return self._plane.tip
         return math.nan if self._plant is None else float(self._plant.states["tip"][0])

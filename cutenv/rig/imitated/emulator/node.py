@@ -43,7 +43,7 @@ def _parts(mapped: int) -> tuple[int, int, int]:
 
 
 def check_mapping(dictionary: ObjectDictionary, entry: Entry, value: int) -> None:
-    """Raise SdoAbortedError for a write to 1400, 1600, 1800, 1A00 or their successors that CiA 301 does not allow."""
+    """Raise SdoAbortedError for CiA 301 violations in 1400, 1600, 1800, 1A00 or successors."""
     settings = entry.index & ~0x200
     sends = settings >= 0x1800
     valid = not dictionary[settings, 1] & PDO_UNUSED
@@ -100,7 +100,7 @@ class ProcessData:
         self._sent = [_Pdo(0x1800 + i, 0x1A00 + i) for i in range(4)]
 
     def received(self, identifier: int, data: bytes) -> list[Write]:
-        """Return the writes of a received frame; a synchronous RPDO's are kept for :meth:`synchronised`."""
+        """Return a frame's writes; keep a synchronous RPDO's for :meth:`synchronised`."""
         writes: list[Write] = []
         for pdo in self._received:
             if pdo.cob(self._dictionary) != identifier:
@@ -121,7 +121,7 @@ class ProcessData:
         return writes
 
     def due_at_sync(self) -> list[tuple[int, bytes]]:
-        """Return identifier and data of the frames to send at a SYNC."""
+        """Return frames to send at a SYNC: identifier, data."""
         frames = []
         for pdo in self._sent:
             cob, kind = pdo.cob(self._dictionary), self._dictionary[pdo.settings, 2]
@@ -136,12 +136,12 @@ class ProcessData:
 
     @property
     def sends_by_event(self) -> bool:
-        """True if a frame is sent because of a change or an event timer."""
+        """True if changes or event timers send frames."""
         dictionary = self._dictionary
         return any(dictionary[pdo.settings, 2] > _SYNCHRONOUS and pdo.cob(dictionary) is not None for pdo in self._sent)
 
     def due_by_event(self, now: float) -> list[tuple[int, bytes]]:
-        """Return identifier and data of the frames to send because of a change or an event timer."""
+        """Return frames of changes or event timers: identifier, data."""
         frames = []
         for pdo in self._sent:
             cob = pdo.cob(self._dictionary)
@@ -204,7 +204,7 @@ _REGISTER = {0x2: 0x02, 0x3: 0x04, 0x4: 0x08, 0x81: 0x10, 0x82: 0x10, 0x86: 0x20
 
 
 def error_register(code: int) -> int:
-    """Return the error register (object 1001) for an emergency code: the generic bit and that of its group."""
+    """Return an emergency code's error register (1001): generic and group bit."""
     return 0x01 | _REGISTER.get(code >> 8, _REGISTER.get(code >> 12, 0x80)) if code else 0
 
 
@@ -259,7 +259,7 @@ class Node:
         self.axis.release()
 
     def power(self, on: bool, now: float) -> None:
-        """Switch the supply off (silent, without torque), or on again, as after a fresh start."""
+        """Switch the supply off (silent, without torque), or on afresh."""
         if on and not self._powered:
             self._boot(now)
         elif not on:
@@ -299,7 +299,7 @@ class Node:
             self._write_all(self._pdo.received(identifier, data))
 
     def _sized(self, request: bytes) -> bytes:
-        """State the size of an expedited download that leaves it to the object: canopen's server takes four bytes."""
+        """Add its object's size to an expedited download, else taken as four bytes."""
         entry = self.dictionary.entries.get(struct.unpack_from("<HB", request, 1))
         if entry is None or request[0] & 0xE3 != 0x22:
             return request
@@ -366,7 +366,7 @@ class Node:
     # The drive's own actions.
 
     def tick(self, now: float) -> None:
-        """Run the drive's tasks for a millisecond, before the motor moves through it."""
+        """Run the drive's tasks for a millisecond, before the motor."""
         self._now = self._ticked = now
         if not self._powered:
             return
@@ -388,7 +388,7 @@ class Node:
                 self.send_message(cob, data)
 
     def _tell(self, ahead: float = 0.0) -> None:
-        """Set the objects that report the axis's state; only before somebody reads them, for it takes a while."""
+        """Set the state's objects, which takes a while, before reads."""
         self.axis.tell(self.dictionary, self.state, self.nmt is Nmt.OPERATIONAL, ahead=ahead)
 
     def _watch_master(self, now: float) -> None:
@@ -462,13 +462,13 @@ class Node:
             self.send_message(0x80 + self.number, struct.pack("<HB5x", code, self.dictionary[0x1001]))
 
     def send_message(self, identifier: int, data: bytes) -> None:
-        """Put a frame on the bus, unless a fault prevents it; the name is the one that canopen's SDO server calls."""
+        """Put a frame on the bus, unless faulty; named for canopen's SDO server."""
         if self._powered and not self.bus_off:
             for _ in range(1 + self.doubles):
                 self._put(Frame(identifier, bytes(data)))
 
     def command(self, speed: float) -> Frame:
-        """Return the frame (RPDO1, as the rig maps it) with which a master enables it at ``speed`` [m/s or rad/s]."""
+        """Return the RPDO1 frame enabling at ``speed`` [m/s or rad/s]."""
         velocity = self.axis.units(self.dictionary, speed)
         return Frame(0x200 + self.number, struct.pack("<Hib", ENABLE_OPERATION, velocity, self.dictionary[0x6060]))
 

@@ -61,7 +61,7 @@ _SWITCH = 0.0005  # [s] after which a thread lets another one run: a millisecond
 
 
 def warm_up(*, across: Sequence[str] = (), serial: bool = False) -> None:
-    """Compile, or load from disk, the kernels of a millisecond, before anybody waits for it."""
+    """Compile or load the kernels of a millisecond beforehand."""
     in_plane: list[Any] = [follow(STEERED)] if "side" in across else []
     upright = DESCENDING if "height" in across else STRAIGHT
     warn_before_first_compile(follow(upright), *in_plane, measure, turn_motor)
@@ -89,7 +89,7 @@ def serve(
     real_time: bool = False,
     file: Path | None = None,
 ) -> None:
-    """Run an emulated rig until a signal, a request on the control port, or the end of its parent.
+    """Run an emulated rig until signal, control request or parent's end.
 
     Prints one line of JSON when it is ready: the ports "can", "sensor" and "control", the URL "page", and "pid"; of a
     serial rig "port", "converter", "control" and "pid", with GRBL also "sensor_port".
@@ -191,10 +191,10 @@ def emulated_settings(
     across: Sequence[str] = (),
     host: str = "127.0.0.1",
 ) -> RigSettings:
-    """Return the settings with which drivers reach an emulated rig that has printed ``ready``, calibrated today.
+    """Return the settings of an emulated rig's drivers, calibrated today.
 
-    ``angle`` is the angle of a fixed blade [rad]; ``across`` are the axes across the cut that it has. On a serial rig
-    no drive turns the blade, and nothing raises it.
+    The rig has printed ``ready``. ``angle`` is the angle of a fixed blade [rad]; ``across`` are the axes across the cut
+    that it has. On a serial rig no drive turns the blade, and nothing raises it.
     """
     if "port" in ready:
         port, converter = ready["port"], ready["converter"]
@@ -227,7 +227,7 @@ def emulated_settings(
 
 
 def _sensor(ready: dict[str, Any], host: str) -> SensorSettings:
-    """Return the settings of the emulated sensor: a Net F/T, or an analogue one where ``ready`` tells a calibration."""
+    """Return the emulated sensor's settings: Net F/T, or analogue if calibrated."""
     if "calibration" not in ready:
         return SensorSettings(address=host, port=ready["sensor"], page=ready["page"])
     options = AnalogueOptions(calibration=ready["calibration"], board="emulated", host=host, port=ready["sensor"])
@@ -319,7 +319,7 @@ class RunningEmulator:
 
     @property
     def lateness(self) -> str:
-        """Sentence on an emulator that was late itself, as no real board is; "" if it was not, or has ended."""
+        """Sentence on the emulator's own lateness, "" without or after its end."""
         try:
             worst = self.control.state()["worst_stall_s"]
         except (OSError, ValueError, RigError):

@@ -201,7 +201,7 @@ class SensorServer:
             return len(self._streams)
 
     def send(self, loads: Loads) -> None:
-        """Send one record of forces [N] and torques [N m] to every client; called once for each reading."""
+        """Send a reading's forces [N] and torques [N m] to clients."""
         faults = self.faults
         with self._lock:
             self._sampled = (self._sampled + 1) % SEQUENCES
@@ -437,7 +437,7 @@ class BoardServer:
         return int(self._client is not None)
 
     def send(self, loads: Loads) -> None:
-        """Convert one reading of forces [N] and torques [N m], and send it; called once for each reading."""
+        """Convert and send a reading's forces [N] and torques [N m]."""
         faults = self.faults
         with self._lock:
             self._number = (self._number + 1) % _SEQUENCES

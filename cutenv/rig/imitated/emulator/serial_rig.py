@@ -227,7 +227,7 @@ class EmulatedSerialRig(EmulatedBench):
         self.line = EmulatedLine()
 
     def restart(self) -> None:
-        """Switch the board off and on: a new one, with the carriage where it is."""
+        """Restart the board, with the carriage where it is."""
         self._made += self.board.steps
         self.board = Firmware(self.options.converter)
         self.convert()
@@ -266,7 +266,7 @@ class EmulatedSerialRig(EmulatedBench):
         return {"port": self.line.port, "converter": self.options.converter}
 
     def state(self) -> dict[str, Any]:
-        """Return whether the stepper has power, and whether the cable is in."""
+        """Return whether the stepper is powered and the cable in."""
         state = "operation enabled" if self._state is BoardState.ENABLED else "not enabled"
         return {"nodes": [{"axis": "blade", "state": state}], "clients": {"port": int(self.line.plugged)}}
 
@@ -296,7 +296,7 @@ class EmulatedSerialRig(EmulatedBench):
         self._watch(due, before, abs(self.bench.true_force), moved)
 
     def _move(self, due: float) -> None:
-        """Let what moves the carriage make its millisecond: the board has done so; open the limit switches."""
+        """Let the carriage move a millisecond; open limit switches."""
         position = self.position
         self.board.open_pin(LOW_PIN, position < self._axis.low - SWITCHES or self._opened(LOW_PIN))
         self.board.open_pin(HIGH_PIN, position > self._axis.high + SWITCHES or self._opened(HIGH_PIN))
@@ -359,7 +359,7 @@ class EmulatedGrblRig(EmulatedSerialRig):
         return {**super().ready(), "port": self.machine.line.port, "sensor_port": self.line.port}
 
     def state(self) -> dict[str, Any]:
-        """Return whether it has jogs to make, and whether both cables are in."""
+        """Return whether it jogs, and whether both cables are in."""
         state = "operation enabled" if self.machine.state == "Jog" else "not enabled"
         cables = {"port": int(self.machine.line.plugged), "sensor_port": int(self.line.plugged)}
         return {"nodes": [{"axis": "blade", "state": state}], "clients": cables}
