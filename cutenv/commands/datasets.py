@@ -69,7 +69,7 @@ class Arguments:
 
 @reports_errors("datasets")
 def main(argv: Sequence[str]) -> int:
-    """Write a data set, print its size; return 2 on bad input."""
+    """Write a data set; return 0, or 2 on bad input."""
     arguments = from_options(Arguments, _parser().parse_args(argv))
     from cutenv.agents.learning.lerobot import lerobot_folder, write_lerobot
     from cutenv.agents.learning.minari_datasets import free_folder, write

@@ -1,6 +1,6 @@
-"""Measure the depth of cut from video of a marked blade.
+"""Measure the depth of cut from video of a marked blade, or calibrate.
 
-Or calibrate the camera. The depth is put into the record.
+The depth is put into the record. The calibration is that of the camera.
 """
 
 from __future__ import annotations

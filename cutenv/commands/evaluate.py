@@ -35,7 +35,7 @@ _LOOK = 20  # specimens between two looks: a batch costs little more than a cut
 
 @reports_errors("evaluate")
 def main(argv: Sequence[str]) -> int:
-    """Evaluate; return 0, 2 on bad input, 130 after Ctrl-C."""
+    """Evaluate; return 0, 2 (bad input), 130 (Ctrl-C)."""
     arguments = _parser().parse_args(argv)
     try:
         _evaluate(arguments) if arguments.report is None else _report(arguments)

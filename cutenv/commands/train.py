@@ -60,7 +60,7 @@ _NOTES = {
 
 
 def main(argv: Sequence[str]) -> int:
-    """Train; return 0, 2 on bad input, 130 after Ctrl-C."""
+    """Train; return 0, 2 (bad input), 130 (Ctrl-C)."""
     several, rest = _several_tasks(argv)
     if several:
         return _side_by_side(several, rest)

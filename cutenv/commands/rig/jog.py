@@ -1,9 +1,9 @@
-"""Move the blade while an arrow key is held; q ends.
+"""Move the blade while an arrow key is held: right away from the clamp, q ends.
 
-Right moves it away from the clamp, left back, up and down turn it. On a rig with a height axis u raises and d lowers
-it, with an axis to the side l moves it left and r right, while held. A terminal reports a held key by repeating it:
-within 0.2 s after the last repeat the blade is commanded to rest (0.4 mm at 2 mm/s). A tap moves it for that long; a
-held key moves it once, pauses, then follows the terminal's repeats.
+Left moves it back, up and down turn it. On a rig with a height axis u raises and d lowers it, with an axis to the side
+l moves it left and r right, while held. A terminal reports a held key by repeating it: within 0.2 s after the last
+repeat the blade is commanded to rest (0.4 mm at 2 mm/s). A tap moves it for that long; a held key moves it once,
+pauses, then follows the terminal's repeats.
 Any other key stops it at once. A software stop is not a safety function: keep the stop button in reach.
 """
 

@@ -95,7 +95,7 @@ _LATE = ("force stale", "force late", "motion stale", "clock overrun", "heartbea
 
 @reports_rig_errors("run", refused=2)
 def main(argv: Sequence[str]) -> int:
-    """Cut; return 0, 3 if stopped, 2 on errors, 130 after Ctrl-C."""
+    """Cut; return 0, 3 (stopped), 2 (error), 130 (Ctrl-C)."""
     arguments = _parser().parse_args(argv)
     return _dry_run(arguments) if arguments.dry_run is not None else _run(arguments)
 

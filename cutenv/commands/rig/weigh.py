@@ -25,7 +25,7 @@ _UNITS = {"g": 1e-3, "kg": 1.0}
 
 @reports_rig_errors("weigh")
 def main(argv: Sequence[str]) -> int:
-    """Weigh; return 0, 1 if refused, 2 on bad input, 130 after Ctrl-C."""
+    """Weigh; return 0, 1 (refused), 2 (bad input), 130 (Ctrl-C)."""
     arguments = _parser().parse_args(argv)
     masses = [mass_of(text) for text in arguments.masses]
     if arguments.write and arguments.rig in RIG_NAMES:
