@@ -66,60 +66,60 @@ LINE_LIMIT = 0.008
 
 @njit_internal
 def tip_error(tip: T, target: float) -> T:
-    """Return the distance from the crack tip to the target [m]."""
+    """Return the tip's distance to the target [m]."""
     return abs(tip - target)
 
 
 @njit_internal
 def closeness(tip: T, target: float) -> T:
-    """Return 1 for a crack tip at the target, less linearly with the tip error, down to 0."""
+    """Return 1 at the target, falling linearly with tip error to 0."""
     close: T = np.maximum(1.0 - tip_error(tip, target) / CLOSE, 0.0)
     return close
 
 
 @njit_internal
 def overshoot(tip: T, target: float) -> T:
-    """Return the distance by which the crack tip is beyond the target [m], 0 before it."""
+    """Return the tip's distance beyond the target [m], or 0."""
     beyond: T = np.maximum(tip - target, 0.0)
     return beyond
 
 
 @njit_internal
 def lag(blade: T, tip: T) -> T:
-    """Return the distance by which the crack tip is behind the blade [m], 0 if it is not."""
+    """Return the tip's distance behind the blade [m], or 0."""
     behind: T = np.maximum(blade - tip, 0.0)
     return behind
 
 
 @njit_internal
 def wedge(angle: float, depth: float) -> float:
-    """Return the width of the wedge that a blade at ``angle`` [rad] leaves uncut, in the unit of ``depth``."""
+    """Return the uncut wedge's width at ``angle`` [rad], in ``depth`` units."""
     return depth * cotangent(angle)
 
 
 @njit_internal
 def force_per_depth(force: T, depth: T) -> T:
-    """Return the force on the blade over the depth of cut [N/m]."""
+    """Return force over depth of cut [N/m]."""
     return force / depth
 
 
 @njit_internal
 def too_deep(depth: T, wanted: T) -> T:
-    """Return by how much a cut is deeper than wanted [m], 0 where it is not."""
+    """Return the depth beyond the wanted one [m], or 0."""
     deeper: T = np.maximum(depth - wanted, 0.0)
     return deeper
 
 
 @njit_internal
 def left_uncut(depth: T, wanted: T) -> T:
-    """Return by how much a cut is shallower than wanted [m], 0 where it is not."""
+    """Return the depth missing to the wanted one [m], or 0."""
     left: T = np.maximum(wanted - depth, 0.0)
     return left
 
 
 @njit_internal
 def into_layer(depth: T, boundary: float) -> T:
-    """Return how deep a cut opens the layer below, which begins ``boundary`` [m] below the surface; 0 above it [m]."""
+    """Return the cut depth below ``boundary`` [m], or 0 above it."""
     opened: T = np.maximum(depth - boundary, 0.0)
     return opened
 
@@ -214,12 +214,12 @@ PATH_COSTS = (
 
 
 def depth_cost(of_map: Mapping[str, float]) -> float:
-    """Return the sum of :data:`DEPTH_COSTS`, with their weights, for the quantities :data:`OF_MAP` of a cut."""
+    """Return the weighted sum of :data:`DEPTH_COSTS` for :data:`OF_MAP`."""
     return _map_cost(DEPTH_COSTS, of_map)
 
 
 def path_cost(of_map: Mapping[str, float]) -> float:
-    """Return the sum of :data:`PATH_COSTS`, with their weights, for the quantities :data:`OF_PATH` of a cut."""
+    """Return the weighted sum of :data:`PATH_COSTS` for :data:`OF_PATH`."""
     return _map_cost(PATH_COSTS, of_map)
 
 

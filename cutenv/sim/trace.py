@@ -52,7 +52,7 @@ _STILL = 1e-3  # [m] to which noise of the speed may integrate
 
 
 def limits(name: str, force_unit: str = "N") -> tuple[float, float]:
-    """Return the smallest and largest value that a trace accepts for a field, in SI; force in its unit.
+    """Return a field's accepted range, in SI; force in its unit.
 
     Raises
     ------
@@ -65,7 +65,7 @@ def limits(name: str, force_unit: str = "N") -> tuple[float, float]:
 
 
 def _ranges(force_unit: str) -> dict[str, tuple[float, float, str, str]]:
-    """Return least value, greatest value, unit and cure of every field."""
+    """Return every field's least and greatest value, unit and cure."""
     force = _FORCE_RANGES[force_unit]
     forces = ("vertical_force", "lateral_force", *COMPONENTS_OF_FORCE[:3])
     return {"force": force} | _RANGES | dict.fromkeys(forces, force) | _CHANNEL_RANGES
@@ -238,12 +238,12 @@ class Trace:
 
     @property
     def known(self) -> tuple[str, ...]:
-        """Names of the fields that the trace holds, time and force among them."""
+        """Names of fields in the trace, including time and force."""
         return tuple(name for name in (*Reading._fields, *CHANNELS) if getattr(self, name) is not None)
 
     @property
     def wrench(self) -> NDArray[np.float64] | None:
-        """All six components, shape (n, 6): three forces [N], three torques [N m]; None if it holds none."""
+        """Three forces [N] and torques [N m], (n, 6), or None."""
         if self.force_x is None:
             return None
         return np.column_stack([getattr(self, name) for name in COMPONENTS_OF_FORCE])
@@ -260,7 +260,7 @@ class Trace:
 
     @functools.cached_property
     def blade_speed(self) -> NDArray[np.float64]:
-        """Speed [m/s] by :func:`blade_speed` from the positions, which must be known; shape (n,), read-only."""
+        """Speed [m/s] by :func:`blade_speed`, shape (n,), read-only; needs positions."""
         speed = blade_speed(self.time, *self.require("position", by="blade_speed"))
         speed.setflags(write=False)
         return speed
@@ -374,7 +374,7 @@ class Trace:
 
 
 def blade_speed(time: NDArray[np.float64], position: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the speed [m/s] from positions [m] at times [s], shape (n,): difference over 50 ms, or two samples."""
+    """Return speed [m/s], (n,), by differences over 50 ms or two samples."""
     n = len(time)
     half = max(1, round(SPEED_WINDOW * (n - 1) / float(time[-1] - time[0])))
     before = np.maximum(np.arange(n) - half, 0)
@@ -410,7 +410,7 @@ def _check_time(time: NDArray[np.float64]) -> None:
 
 
 def _check_speed(time: NDArray[np.float64], position: NDArray[np.float64], speed: NDArray[np.float64]) -> None:
-    """Raise if speed, integrated, and position span lengths that differ tenfold: one is in another unit."""
+    """Raise if integrated speed and positions differ tenfold, by a wrong unit."""
     step = np.diff(time)
     steady = step <= _GAP * np.median(step)
     by_speed = float(np.ptp(np.cumsum(np.append(0.0, (0.5 * (speed[1:] + speed[:-1]) * step)[steady]))))

@@ -155,7 +155,7 @@ def shared_record(tissue: TissueDescription) -> StructArray:
 def descent_records(
     specimens: list[Specimen], layers: Layers | None = None, parameters: DescentParameters | None = None
 ) -> StructArray:
-    """Return the vertical motion's records, :data:`DESCENT` of shape (n,), with each blade at level 0."""
+    """Return :data:`DESCENT` records, shape (n,), with each blade at level 0."""
     layers, parameters = layers or Layers(), parameters or DescentParameters()
     records = np.zeros(len(specimens), DESCENT)
     for record, specimen in zip(records, specimens, strict=True):
@@ -190,14 +190,14 @@ def _renew_all(profiles: StructArray, descents: StructArray, slabs: StructArray)
 
 @njit_inline
 def held_depth(descent: Struct, depth: float) -> float:
-    """Return a depth [m] within those to which a blade can be engaged."""
+    """Clip a depth [m] to what a blade can engage."""
     held: float = min(max(depth, LEAST_DEPTH), descent.thickness)
     return held
 
 
 @njit_inline
 def stiffness_to(descent: Struct, slab: Struct, i: int, depth: float) -> float:
-    """Return K [N/m] at point ``i`` of a blade engaged down to ``depth`` [m]."""
+    """Return K [N/m] at point ``i`` for an engaged ``depth`` [m]."""
     effective, share = at_depth(slab, i, depth, descent.thickness)
     per_depth = descent.modulus * (descent.far[i] + share * (descent.near[i] - descent.far[i]))
     stiffness: float = per_depth * layered_depth(descent, depth, effective)
@@ -206,7 +206,7 @@ def stiffness_to(descent: Struct, slab: Struct, i: int, depth: float) -> float:
 
 @njit_internal
 def renew(profile: Struct, descent: Struct, slab: Struct, i: int) -> None:
-    """Bring point ``i`` of a profile up to date with the level of the blade, and that down to which it is engaged."""
+    """Update point ``i`` of a profile to the blade's level."""
     if descent.belongs[i] == descent.version:
         return
     descent.belongs[i] = descent.version
@@ -218,7 +218,7 @@ def renew(profile: Struct, descent: Struct, slab: Struct, i: int) -> None:
 
 @njit_internal
 def renew_edge(profile: Struct, descent: Struct, i: int) -> None:
-    """Bring what a blade meets at point ``i``, depth and toughness, up to date; its stiffness is the tip's concern."""
+    """Update depth and toughness, but not stiffness, at point ``i``."""
     D = held_depth(descent, descent.surface[i] - descent.engaged)
     profile.toughness[i] = descent.toughness[i] * summed_toughness(descent, D)
     profile.depth[i] = D
@@ -226,7 +226,7 @@ def renew_edge(profile: Struct, descent: Struct, i: int) -> None:
 
 @njit_internal
 def renew_between(profile: Struct, descent: Struct, slab: Struct, low: float, high: float) -> None:
-    """Bring the points around positions ``low`` to ``high`` [m] up to date."""
+    """Update the points around positions ``low`` to ``high`` [m]."""
     first, last = grid_index(low)[0], grid_index(max(low, high))[0]
     for i in range(first, last + 2):
         renew(profile, descent, slab, i)
@@ -234,7 +234,7 @@ def renew_between(profile: Struct, descent: Struct, slab: Struct, low: float, hi
 
 @njit_internal
 def rise_with_depth(descent: Struct, slab: Struct, i: int) -> float:
-    """Return how the stiffness at point ``i`` rises with the depth to which the blade is let down [N/m2]."""
+    """Return the stiffness's derivative by depth at ``i`` [N/m2]."""
     depth = descent.surface[i] - descent.settled
     low, high = held_depth(descent, depth - _ASIDE), held_depth(descent, depth + _ASIDE)
     rise: float = (stiffness_to(descent, slab, i, high) - stiffness_to(descent, slab, i, low)) / (2.0 * _ASIDE)
@@ -249,7 +249,7 @@ def command_descent(levels: Struct, n: Integer, speed: float) -> None:
 
 @njit_inline
 def lower_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> None:
-    """Advance every vertical drive by a millisecond under its commanded speed downwards, ``descent_speed``."""
+    """Advance every vertical drive by 1 ms under ``descent_speed``."""
     levels = moving.lanes
     for n in range(len(levels.level)):
         level, speed, wanted = levels.level[n], levels.level_speed[n], -levels.descent_speed[n]
@@ -262,7 +262,7 @@ def lower_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> 
 
 @njit_inline
 def renew_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> None:
-    """Bring the profiles of cuts that reach another grid point up to date."""
+    """Update the profiles of cuts that reach another grid point."""
     slab = moving.shared[0].slab[0]
     for n in range(row.taken):
         i, j, far = row.tip_point[n], row.blade_point[n], row.da[n] > LONGEST_ADVANCE
@@ -278,7 +278,7 @@ def renew_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> 
 
 @njit_inline
 def renew_runs(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> None:
-    """Bring the profiles of cuts whose crack runs up to date, from the tip to the blade."""
+    """Update the profiles of running cracks, from tip to blade."""
     for n in range(row.taken):
         if row.going[n] == 1 and row.waits[n] == 0:
             renew_between(
@@ -288,7 +288,7 @@ def renew_runs(row: Struct, moving: Moving, profiles: StructArray, dt: float) ->
 
 @njit_inline
 def respond_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> None:
-    """Move each blade to its next level, let floor and tissue respond, and add up the forces."""
+    """Lower each blade, and sum the forces of floor and tissue."""
     levels = moving.lanes
     due = 0
     for n in range(len(row.blade)):
@@ -306,19 +306,19 @@ def respond_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -
 
 @njit_inline
 def motion_down(levels: Struct, n: Integer) -> tuple[float, float]:
-    """Return the bristles' deflection downwards, and the motion of a blade downwards in this update [m]."""
+    """Return the bristles' deflection and the blade's motion, downwards [m]."""
     return levels.lowered[n], levels.level[n] - levels.next_level[n]
 
 
 @njit_inline
 def grip_blade(levels: Struct, n: Integer, lowered: float, force: float) -> None:
-    """Take the bristles' next deflection downwards [m], and the force of friction upwards [N]."""
+    """Store the downward bristle deflection [m] and upward friction [N]."""
     levels.lowered[n], levels.grip[n] = lowered, force
 
 
 @njit_inline
 def move_to_level(row: Struct, levels: Struct) -> None:
-    """Move each blade to its next level: its edge presses on springs."""
+    """Move each blade to its next level, against the edge's springs."""
     for n in range(len(row.blade)):
         fall = levels.level[n] - levels.next_level[n]
         levels.level[n] = levels.next_level[n]
@@ -333,7 +333,7 @@ def move_to_level(row: Struct, levels: Struct) -> None:
 
 @njit_inline
 def add_up_forces(row: Struct, levels: Struct) -> None:
-    """Compute the vertical force; add slicing drag to the force along the cut."""
+    """Compute the vertical force; add slicing drag along the cut."""
     for n in range(len(row.blade)):
         lag = max(row.blade[n] - row.creep[n] - row.tip[n], 0.0)
         levels.vertical[n] = levels.bearing[n] + levels.grip[n] + 0.5 * levels.rise[n] * lag**2
@@ -346,7 +346,7 @@ def add_up_forces(row: Struct, levels: Struct) -> None:
 
 @njit_internal
 def respond(row: Struct, profile: Struct, descent: Struct, slab: Struct, n: int) -> None:
-    """Let the floor of the cut and the tissue respond to the motion since they last did."""
+    """Let floor and tissue respond to the latest motion."""
     a, x = row.tip[n], row.blade[n]
     moved, fall = x - descent.blade, descent.settled - descent.level
     lag, grown, cell = x - row.creep[n] - a, a - descent.tip, int(a * POINTS_PER_METRE + 0.5)
@@ -390,7 +390,7 @@ def respond(row: Struct, profile: Struct, descent: Struct, slab: Struct, n: int)
 def engage(
     row: Struct, profile: Struct, descent: Struct, slab: Struct, n: int, engaged: float, fall: float, lag: float
 ) -> float:
-    """Engage one blade, let down by ``fall``, down to a level ``engaged`` [m]; return the work that it takes [J]."""
+    """Engage one blade to level ``engaged`` [m]; return the work [J]."""
     a, x, K, toughness = row.tip[n], row.blade[n], row.K[n], row.toughness[n]
     descent.engaged = engaged
     descent.version += 1
@@ -413,20 +413,20 @@ def engage(
 
 @njit_inline
 def lead_to_level(row: Struct, levels: Struct, level: float) -> float:
-    """Lead the blade of a row of one to a ``level`` [m]; return its position along the cut [m]."""
+    """Lead one blade to ``level`` [m]; return its position [m]."""
     levels.next_level[0] = level
     return row.blade[0]  # type: ignore[no-any-return]
 
 
 @njit_inline
 def vertical_force(levels: Struct, n: Integer) -> float:
-    """Return the force of the tissue on a blade, upwards [N]."""
+    """Return the tissue's upward force on a blade [N]."""
     return levels.vertical[n]  # type: ignore[no-any-return]
 
 
 @njit_inline
 def stored_in_bed(descent: Struct) -> float:
-    """Return the energy with which a blade presses on the floor [J]."""
+    """Return the energy stored in the floor's bed [J]."""
     return descent.pressed  # type: ignore[no-any-return]
 
 

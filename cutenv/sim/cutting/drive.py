@@ -26,7 +26,7 @@ from cutenv.sim.cutting.friction import Grip
 
 @dataclass(frozen=True, kw_only=True)
 class Rig:
-    """A motor and lead screw far stiffer than tissue (thesis 3.3.1).
+    """Motor and lead screw far stiffer than tissue (thesis 3.3.1).
 
     Position does not yield to force.
     """
@@ -57,7 +57,7 @@ class Rig:
         check_parameters(self)
 
     def records(self, travel: float) -> StructArray:
-        """Return the drive as a :data:`DRIVE` array, shape (1,); the blade stays within 0 to ``travel`` [m]."""
+        """Return the drive as :data:`DRIVE`, shape (1,), limited to ``travel`` [m]."""
         drives = np.zeros(1, DRIVE)
         drives["lag"] = self.motor_lag
         drives["acceleration"] = self.acceleration
@@ -70,7 +70,7 @@ class Rig:
 
 @dataclass(frozen=True, kw_only=True)
 class Hand:
-    """A person's hand, which leads the blade by spring and damper.
+    """Person's hand that leads the blade by spring and damper.
 
     So a sudden drop of force makes the blade lurch.
     """
@@ -109,7 +109,7 @@ class Hand:
             )
 
     def records(self, travel: float) -> StructArray:
-        """Return the drive as a :data:`DRIVE` array, shape (1,); the blade stays within 0 to ``travel`` [m]."""
+        """Return the drive as :data:`DRIVE`, shape (1,), limited to ``travel`` [m]."""
         drives = Rig(
             motor_lag=self.motor_lag, acceleration=self.acceleration, rotation_rate=self.rotation_rate
         ).records(travel)
@@ -172,7 +172,7 @@ class PDRig:
             )
 
     def records(self, travel: float) -> StructArray:
-        """Return the drive as a :data:`DRIVE` array, shape (1,); the blade stays within 0 to ``travel`` [m]."""
+        """Return the drive as :data:`DRIVE`, shape (1,), limited to ``travel`` [m]."""
         drives = Rig(
             acceleration=self.acceleration, rotation_rate=self.rotation_rate, dead_time=self.dead_time
         ).records(travel)
@@ -195,14 +195,14 @@ _AT_REST = 1e-5  # [m/s], below the resolution of an encoder: 10 nm in a millise
 
 @njit_inline
 def rate_limited(angle: float, target: float, rotation_rate: float, dt: float) -> float:
-    """Return the rate-limited angle of the blade [rad] after ``dt``, turning toward ``target`` at ``rotation_rate``."""
+    """Return the rate-limited angle of the blade [rad] after ``dt``."""
     turn = rotation_rate * dt
     return angle + min(max(target - angle, -turn), turn)
 
 
 @njit
 def lag_gain(drive: Struct, dt: float) -> float:
-    """Return the gain of the first-order velocity loop over ``dt``: 1 - exp(-dt / lag)."""
+    """Return the velocity loop's gain over ``dt``, 1 - exp(-dt / lag)."""
     return 1.0 - exp(-dt / drive.lag)
 
 
@@ -226,7 +226,7 @@ def dead_time_step(
 
 @njit
 def delayed_command(state: Struct, drive: Struct, target: float) -> float:
-    """Return the commanded speed [m/s] that has reached the drive after its dead time."""
+    """Return the commanded speed [m/s], delayed by the dead time."""
     if drive.dead_ticks == 0:
         return target
     state.next_target, state.waiting, state.target = dead_time_step(
@@ -248,7 +248,7 @@ class VelocityLoop(NamedTuple):
 
 @njit_inline
 def velocity_loop_step(loop: VelocityLoop, hand: float, speed: float, target: float, dt: float) -> tuple[float, float]:
-    """Return position [m] and speed [m/s] of the carriage after ``dt`` under a commanded speed ``target``."""
+    """Return the carriage's position [m] and speed [m/s] after ``dt``."""
     limit = loop.acceleration * dt
     next_speed = speed + min(max((target - speed) * loop.gain, -limit), limit)
     if target == 0.0 and abs(next_speed) < _AT_REST:
@@ -268,7 +268,7 @@ def advance_command(state: Struct, drive: Struct, share: float, target: float, d
 
 @njit_inline
 def backlash_motion(hand: float, blade: float, backlash: float) -> float:
-    """Return the displacement [m] of a rig's blade, coupled rigidly to the carriage but for backlash.
+    """Return the displacement [m] of a blade coupled with backlash.
 
     With backlash, the guides' friction holds the blade until the carriage's nut pushes it: forward from behind, and
     back once the play is used up.
@@ -281,11 +281,11 @@ def backlash_motion(hand: float, blade: float, backlash: float) -> float:
 
 @njit_internal
 def coupling_step(drive: Struct, state: Struct, elastic: float, friction: Grip, dt: float) -> float:
-    """Return the displacement [m] of a blade on a spring and a damper, those of PD control or of a hand's grip.
+    """Return the displacement [m] of a blade on spring and damper.
 
-    By semi-implicit Euler.  ``state`` has position and speed of hand and blade.
-    The tissue's ``elastic`` force [N] pulls it back.  Friction sticks like a spring or slips: the solution is the
-    sticking speed, clipped to the speeds of slipping forward and backward, however stiff the bristles are.
+    They are those of PD control or of a hand's grip.  By semi-implicit Euler.  ``state`` has position and speed of hand
+    and blade.  The tissue's ``elastic`` force [N] pulls it back.  Friction sticks like a spring or slips: the solution
+    is the sticking speed, clipped to the speeds of slipping forward and backward, however stiff the bristles are.
     """
     coupling = drive.coupling_stiffness * (state.hand - state.blade) + drive.coupling_damping * state.hand_speed
     answer = dt / drive.mass  # change of speed per force [s/kg]
@@ -305,7 +305,7 @@ _NO_GRIP = Grip(0.0, 0.0, 0.0, 0.0)
 
 @njit
 def advance_in_air(state: Struct, drive: Struct, share: float, target: float, dt: float) -> None:
-    """Advance a state's carriage and, where PD control or a hand moves it, its blade in free air."""
+    """Advance the carriage, and a spring-coupled blade, in free air."""
     advance_command(state, drive, share, target, dt)
     if drive.mass > 0.0:
         dx = coupling_step(drive, state, 0.0, _NO_GRIP, dt)

@@ -113,7 +113,7 @@ READING = _struct(
 
 
 def new_state(count: int, angle: float) -> StructArray:
-    """Return ``count`` initial states, shape (count,): blade and tip at the clamp, at rest, ``angle`` [rad]."""
+    """Return initial states, shape (count,): at the clamp, at rest, ``angle`` [rad]."""
     states = np.zeros(count, STATE)
     states["angle"] = angle
     states["lean"], states["pushing"] = leaning(angle)
@@ -157,7 +157,7 @@ class LawParameters:
 
 
 def profile_records(specimens: list[Specimen]) -> StructArray:
-    """Return stiffness, toughness and depth along each specimen as a :data:`PROFILE` array, shape (n,)."""
+    """Return each specimen's :data:`PROFILE` of stiffness, toughness and depth, shape (n,)."""
     profiles = np.zeros(len(specimens), PROFILE)
     for profile, specimen in zip(profiles, specimens, strict=True):
         profile["stiffness"] = specimen.stiffness()
@@ -167,7 +167,7 @@ def profile_records(specimens: list[Specimen]) -> StructArray:
 
 
 def law_records(specimens: list[Specimen], parameters: LawParameters | None = None) -> StructArray:
-    """Return the law's constants for each specimen as a :data:`LAW` array, shape (n,)."""
+    """Return the law's constants for each specimen, :data:`LAW`, shape (n,)."""
     parameters = parameters or LawParameters()
     laws = np.zeros(len(specimens), LAW)
     for law, specimen in zip(laws, specimens, strict=True):

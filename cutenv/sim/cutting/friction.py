@@ -24,7 +24,7 @@ _LEAST = 1e-9  # of the presliding length: a smaller deflection across is none, 
 
 
 class Grip(NamedTuple):
-    """Friction linearised as a spring and a slider, for the blade of a hand, which has a mass."""
+    """Friction linearised as spring and slider, for a hand's blade."""
 
     held: float
     """Force of the bristles now [N], against forward motion."""
@@ -38,7 +38,7 @@ class Grip(NamedTuple):
 
 @njit_inline
 def grip(law: Struct, depth: float, bristle: float) -> Grip:
-    """Return the friction of a blade ``depth`` [m] deep whose bristles are deflected by ``bristle`` [m]."""
+    """Return friction at ``depth`` [m] and bristle deflection ``bristle`` [m]."""
     limit = law.friction_per_depth * depth
     stiffness = limit * law.per_presliding_length
     return Grip(stiffness * bristle, limit, stiffness, law.friction_per_depth_speed * depth)
@@ -46,14 +46,14 @@ def grip(law: Struct, depth: float, bristle: float) -> Grip:
 
 @njit_inline
 def deflected(law: Struct, bristle: float, dx: float) -> float:
-    """Return the bristles' deflection [m] after a motion ``dx`` [m] of the blade, limited to the presliding length."""
+    """Return the bristles' deflection [m], limited to the presliding length."""
     deflection: float = min(max(bristle + dx, -law.presliding_length), law.presliding_length)
     return deflection
 
 
 @njit_inline
 def friction_force(law: Struct, depth: float, bristle: float, speed: float) -> float:
-    """Return the force [N] against forward motion: proportional to depth, optionally with a part linear in speed."""
+    """Return friction [N] against forward motion, by depth and speed."""
     force: float = (
         law.friction_per_depth * (bristle * law.per_presliding_length) + law.friction_per_depth_speed * speed
     ) * depth
@@ -64,7 +64,7 @@ def friction_force(law: Struct, depth: float, bristle: float, speed: float) -> f
 def friction_work(
     law: Struct, depths: tuple[float, float], bristles: tuple[float, float], dx: float, speed: float
 ) -> float:
-    """Return the work [J] against friction over a motion ``dx`` [m].
+    """Return friction's work [J] over a motion ``dx`` [m].
 
     Depths and deflections are before and after it.
 
@@ -80,7 +80,7 @@ def friction_work(
 
 @njit_inline
 def _sprung(depths: tuple[float, float], bristles: tuple[float, float]) -> float:
-    """Return the integral of deflection times depth over a change of the deflection [m3]."""
+    """Return the integral of depth times deflection over deflection [m3]."""
     (depth, next_depth), (bristle, next_bristle) = depths, bristles
     stretch, mean_depth = next_bristle - bristle, 0.5 * (depth + next_depth)
     return (0.5 * (bristle + next_bristle) * mean_depth + _TWELFTH * stretch * (next_depth - depth)) * stretch
@@ -88,7 +88,7 @@ def _sprung(depths: tuple[float, float], bristles: tuple[float, float]) -> float
 
 @njit_inline
 def deflected_in_plane(law: Struct, bristles: tuple[float, float], motion: tuple[float, float]) -> tuple[float, float]:
-    """Return the bristles' deflection along and across [m] after a ``motion`` [m] of the blade, along and across.
+    """Return the bristles' deflection along and across after ``motion`` [m].
 
     What is longer than the presliding length is shortened to it.  Without motion and deflection across it is what
     :func:`deflected` says, to the last bit.

@@ -63,7 +63,7 @@ class Loaded(NamedTuple):
 
 
 class RunningCrack(NamedTuple):
-    """Tip of a crack that runs, and the energies that its growth changes."""
+    """Tip of a running crack, and the energies of its growth."""
 
     tip: float
     """Tip [m]."""
@@ -77,7 +77,7 @@ class RunningCrack(NamedTuple):
 
 @njit_inline
 def grid_index(at: float) -> tuple[int, float]:
-    """Return the grid index of a profile at or before ``at`` [m], and the fraction of the way to the next point."""
+    """Return the grid index before ``at`` [m], and the fraction beyond."""
     s = at * POINTS_PER_METRE
     i = min(max(int(s), 0), N_POINTS - 2)
     return i, s - i
@@ -85,32 +85,32 @@ def grid_index(at: float) -> tuple[int, float]:
 
 @njit_inline
 def value_and_rise(values: StructArray, i: int) -> tuple[float, float]:
-    """Return a profile's value at grid index ``i``, and its difference to the next point."""
+    """Return a profile's value and difference to the next at ``i``."""
     return values[i], values[i + 1] - values[i]
 
 
 @njit_inline
 def at_share(value: float, rise: float, share: float) -> float:
-    """Interpolate a profile linearly (lerp) at a fraction ``share`` of the way to the next point."""
+    """Interpolate a profile linearly at the fraction ``share`` of a step."""
     return value + share * rise
 
 
 @njit_inline
 def lerp(values: StructArray, i: int, share: float) -> float:
-    """Interpolate a profile linearly at a grid index and fraction from :func:`grid_index`."""
+    """Interpolate a profile linearly at index and fraction from :func:`grid_index`."""
     value, rise = value_and_rise(values, i)
     return at_share(value, rise, share)
 
 
 @njit_inline
 def slope(rise: float) -> float:
-    """Return a profile's derivative [1/m] from its difference between neighbouring points."""
+    """Return a profile's derivative [1/m] from its difference per point."""
     return rise * POINTS_PER_METRE
 
 
 @njit_internal
 def stiffness_at(profile: Struct, a: float) -> tuple[float, float]:
-    """Return K [N/m] and its derivative K' [N/m2] at tip position ``a`` [m]."""
+    """Return K [N/m] and K' [N/m2] at tip position ``a`` [m]."""
     i, share = grid_index(a)
     value, rise = value_and_rise(profile.stiffness, i)
     return at_share(value, rise, share), slope(rise)
@@ -118,7 +118,7 @@ def stiffness_at(profile: Struct, a: float) -> tuple[float, float]:
 
 @njit_internal
 def toughness_at(profile: Struct, a: float) -> float:
-    """Return R B [N], the force per advance that fracture alone would take, at ``a`` [m]."""
+    """Return R B [N], the force of fracture alone, at ``a``."""
     i, share = grid_index(a)
     return lerp(profile.toughness, i, share)
 
@@ -132,25 +132,34 @@ def depth_at(profile: Struct, x: float) -> float:
 
 @njit_internal
 def elastic_force(profile: Struct, x: float, a: float) -> float:
-    """Return the elastic force F = K(a) max(x - a, 0) [N]."""
+    """Return the elastic force, K(a) max(x - a, 0) [N]."""
     return stiffness_at(profile, a)[0] * max(x - a, 0.0)
 
 
 @njit
 def stored_energy(profile: Struct, x: float, a: float) -> float:
-    """Return U = K(a) max(x - a, 0)^2 / 2 [J]: a function of state, so that no closed loop can gain work."""
+    """Return the stored energy, K(a) max(x - a, 0)^2 / 2 [J].
+
+    It is a function of state, so that no closed loop can gain work.
+    """
     return 0.5 * stiffness_at(profile, a)[0] * max(x - a, 0.0) ** 2
 
 
 @njit_inline
 def fallen(by: float, start: float, per: float, speed: float) -> float:
-    """Return the fall of a LEM up to ``speed`` [Pa]: zero up to ``start``, then linear in speed, ``by`` at most."""
+    """Return how far a LEM has fallen at ``speed`` [Pa].
+
+    Zero up to ``start``, then linear in speed, ``by`` at most.
+    """
     return by * min(max((speed - start) * per, 0.0), 1.0)
 
 
 @njit_inline
 def loading_ratio(law: Struct, speed: float, angle: float) -> float:
-    """Return r = min(1, LEM(v, theta)/LEM(0, 90 deg)): rate of rise of the force over that without crack growth."""
+    """Return r = min(1, LEM(v, theta) / LEM(0, 90 deg)).
+
+    It is the rate of rise of the force over that without crack growth.
+    """
     v = min(max(abs(speed), law.speed_min), law.speed_max)
     upright = law.intercept_90 + law.slope_90 * v
     upright -= fallen(law.fall_1, law.fall_1_from, law.fall_1_per, v)
@@ -164,20 +173,23 @@ def loading_ratio(law: Struct, speed: float, angle: float) -> float:
 
 @njit_inline
 def initiation_excess(law: Struct, pushing: float) -> float:
-    """Return eta(theta) = eta90 sin^2(theta): slicing starts a crack more easily than pushing (assumed)."""
+    """Return eta(theta) = eta90 sin^2(theta), least for slicing (assumed)."""
     eta: float = law.eta90 * pushing
     return eta
 
 
 @njit_inline
 def may_grow(ledger: float, change: float, toughness: float, debt_length: float) -> bool:
-    """Return whether the ledger admits growth: it may not fall below -R B l unless the growth raises it."""
+    """Return True if growth keeps the ledger above -R B l or raises it."""
     return change >= 0.0 or ledger + change >= -toughness * debt_length
 
 
 @njit_inline
 def on_unload(ledger: float, loss: float) -> tuple[float, float]:
-    """Return ledger and loss after full unloading: a surplus beyond fracture becomes loss; a debt stays."""
+    """Return ledger and loss after full unloading.
+
+    A surplus beyond fracture becomes loss; a debt stays.
+    """
     return min(ledger, 0.0), loss + max(ledger, 0.0)
 
 
@@ -195,7 +207,7 @@ def force_to_grow(law: Struct, arrest_ratio: float, held_force: float, pushing: 
 
 @njit_inline
 def elastic_part(x: float, a: float, K: float, F_start: float, dx: float) -> float:
-    """Return the elastic part of a motion ``dx``: all of it backward, and forward up to the force ``F_start``."""
+    """Return the elastic part of ``dx``: backward, or up to ``F_start``."""
     if dx > 0.0:
         return min(dx, max(a - x, 0.0) + max(F_start - K * max(x - a, 0.0), 0.0) / K)
     return dx
@@ -203,7 +215,7 @@ def elastic_part(x: float, a: float, K: float, F_start: float, dx: float) -> flo
 
 @njit_inline
 def stable_growth(law: Struct, K: float, dK: float, lag: float, loading: Loading) -> float:
-    """Return the advance da [m] of the tip with which the force over a ``loading`` rises r times its elastic rise."""
+    """Return the tip's advance [m] for a force rise r times elastic."""
     softening = K - dK * lag  # -dF/da at fixed x
     if loading.length > 0.0 and softening > _SOFTEST * K:
         return (1.0 - loading_ratio(law, loading.speed, loading.angle)) * K * loading.length / softening
@@ -214,7 +226,7 @@ def stable_growth(law: Struct, K: float, dK: float, lag: float, loading: Loading
 def loading_step(
     law: Struct, loading: Loading, before: Loaded, da: float, ahead: tuple[float, float]
 ) -> tuple[float, float, float, float, float, float]:
-    """Compute one loading step: the blade moved by ``loading``, the tip by ``da`` if the ledger admits it.
+    """Advance a blade by ``loading``, and its tip by ``da`` if admitted.
 
     ``ahead`` are K [N/m] and R B [N] where the tip would come to.  Returns the tip, F, R B, work, change of the ledger
     and energy of fracture; if the tip may not follow, those of elastic motion.
@@ -267,7 +279,7 @@ def in_parts(profile: Struct, law: Struct, loading: Loading, before: Loaded) -> 
 
 @njit_internal
 def run_crack(profile: Struct, law: Struct, x: float, crack: RunningCrack) -> tuple[RunningCrack, float, float]:
-    """Run a crack under a fixed blade ``x`` whose force has reached (1 + eta) R B, until it arrests.
+    """Run a crack at fixed ``x`` from initiation to arrest.
 
     Returns the crack, and force and R B where it comes to rest.
     """
@@ -306,7 +318,7 @@ def leaning(angle: float) -> tuple[float, float]:
 
 @njit_inline
 def sweeping(lean: float, next_lean: float, toughness: float, depth: float) -> float:
-    """Return the energy [J] of turning a blade from one cotangent to the next in tissue of R B ``toughness`` [N].
+    """Return the energy [J] of turning a blade between two cotangents.
 
     Toward upright, its inclined edge sweeps B^2 |d cot(theta)| / 2 and pays R for it.
     """
@@ -328,7 +340,7 @@ class EnergyAccount(NamedTuple):
 
 @njit_inline
 def account(state: Struct, profile: Struct) -> EnergyAccount:
-    """Return the energy account of a cut, but for what a motion stores besides."""
+    """Return a cut's energy account, without energies of the motion."""
     stored = stored_energy(profile, state.blade - state.creep, state.tip) + state.locked
     residual = state.work - stored - state.fracture - state.friction - state.loss - state.ledger
     return EnergyAccount(state.work, stored, state.fracture, state.friction, state.loss, state.ledger, residual)

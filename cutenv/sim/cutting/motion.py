@@ -39,7 +39,7 @@ class Moving(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Motion(Declaration):
-    """Declaration of a motion of the blade, whose hooks are compiled by :func:`~cutenv._engine.jit.njit_inline`.
+    """Motion of the blade, declared by hooks that :func:`~cutenv._engine.jit.njit_inline` compiles.
 
     Unless said otherwise, a hook takes a row of cuts (:data:`~cutenv.sim.cutting.row.ROW`), its :class:`Moving`, the
     cuts' profiles and the duration of the update [s].  One that is None is not called.
@@ -88,7 +88,7 @@ class Motion(Declaration):
 
     @property
     def scalars(self) -> Any:
-        """Number of scalars that a row gathers, as Numba compiles it once for all numbers."""
+        """Number of scalars in a row, a compile-time constant."""
         return np.int64(count_scalars(self.record))
 
     def lanes(self, count: int) -> np.dtype[Any]:
@@ -97,7 +97,7 @@ class Motion(Declaration):
 
     @cached_property
     def cut(self) -> np.dtype[Any]:
-        """Return the dtype of a cut in one record, which Python passes faster than its parts, each of shape (1,)."""
+        """Return the dtype of a cut as one record."""
         parts = {
             "states": STATE, "profiles": PROFILE, "laws": LAW, "drives": DRIVE, "sensors": SENSOR,
             "motions": self.record,

@@ -1,4 +1,4 @@
-"""A row of cuts as a structure of arrays (SIMD lanes).
+"""Row of cuts as a structure of arrays (SIMD lanes).
 
 It is gathered from the cuts' records and scattered back.
 
@@ -82,7 +82,7 @@ _PASSING = (  # scratch: it lives only in the row
 
 
 def row_dtype(lanes: int) -> np.dtype[Any]:
-    """Return the structured dtype of a row: every field of a cut and of the scratch, one element for each lane."""
+    """Return the dtype of a row, with ``lanes`` elements per field."""
     fields = [
         *((name, kind[name].base, (lanes,)) for kind in _OWN for name in kind.names or ()),
         *((name, kind, (lanes,)) for name, kind in _PASSING),
@@ -110,7 +110,7 @@ _N_STATE, _N_LAW, _N_DRIVE = (len(kind.names or ()) for kind in _OWN)
 
 
 class LawInRow(NamedTuple):
-    """The fields of a law that the law's functions read, for one cut in a row."""
+    """Fields of a law for one cut in a row."""
 
     quasi_static_modulus: float
     intercept_90: float
@@ -172,7 +172,7 @@ def law_in_row(row: Struct, n: int) -> LawInRow:
 
 
 class Plain(NamedTuple):
-    """A row and the cuts' records as flat arrays of float64.
+    """Row and cuts' records as flat arrays of float64.
 
     A view costs more than a copy, so they are made once.
     """
@@ -185,13 +185,13 @@ class Plain(NamedTuple):
 
 @njit_inline
 def plain_views(rows: StructArray, states: StructArray, laws: StructArray, drives: StructArray) -> Plain:
-    """Return flat views of a row, shape (1,), and of the cuts' records, shape (n,) each."""
+    """Return flat views of row, shape (1,), and records, shape (n,)."""
     return Plain(as_float64_view(rows), as_float64_view(states), as_float64_view(laws), as_float64_view(drives))
 
 
 @njit_inline
 def take_tissue(row: Struct, plain: Plain, profile: Struct, n: Integer, cut: Integer) -> None:
-    """Load state, law and drive of cut number ``cut`` into lane ``n`` of a row (gather)."""
+    """Gather state, law and drive of cut ``cut`` into lane ``n``."""
     lanes = len(row.blade)
     for k in range(_N_STATE):
         plain.row[k * lanes + n] = plain.states[cut * _N_STATE + k]
@@ -208,7 +208,7 @@ def take_tissue(row: Struct, plain: Plain, profile: Struct, n: Integer, cut: Int
 
 @njit_inline
 def take(row: Struct, plain: Plain, cuts: Any, n: Integer, cut: Integer) -> None:
-    """Load cut number ``cut``, its drive and its sensor into lane ``n`` of a row (gather)."""
+    """Gather cut ``cut``, with drive and sensor, into lane ``n``."""
     take_tissue(row, plain, cuts.profiles[cut], n, cut)
     take_sensor(row, cuts.sensors[cut], n)
     # The exponential in the gain costs more than the rest of the loading, and neighbours seldom differ.
@@ -228,7 +228,7 @@ def take_sensor(row: Struct, sensor: Struct, n: Integer) -> None:
 
 @njit_inline
 def begin(row: Struct, plain: Plain, taken: Integer) -> None:
-    """Prepare a row of ``taken`` lanes: pad the others with a blade at rest, and count the special cases."""
+    """Pad a row of ``taken`` lanes, and count its special cases."""
     lanes = len(row.blade)
     for n in range(taken, lanes):
         for k in range(_N_STATE + _N_LAW + _N_DRIVE + len(_PASSING)):
@@ -248,14 +248,14 @@ def begin(row: Struct, plain: Plain, taken: Integer) -> None:
 
 @njit_inline
 def put(row: Struct, plain: Plain, n: int, cut: int) -> None:
-    """Store the state in lane ``n`` of a row back to its cut (scatter)."""
+    """Scatter the state in lane ``n`` back to its cut."""
     lanes = len(row.blade)
     for k in range(_N_STATE):
         plain.states[cut * _N_STATE + k] = plain.row[k * lanes + n]
 
 
 def lane_dtype(record: np.dtype[Any], scratch: Sequence[tuple[str, str]], lanes: int) -> np.dtype[Any]:
-    """Return the structured dtype of the lanes: the scalars that begin a ``record``, and scratch, for each of them."""
+    """Return the dtype of lanes for a record's scalars and scratch."""
     names = (record.names or ())[: count_scalars(record)]
     own = [(name, record[name].base, (lanes,)) for name in names]
     return np.dtype((np.record, [*own, *((name, kind, (lanes,)) for name, kind in scratch)]))
@@ -268,7 +268,7 @@ def count_scalars(record: np.dtype[Any]) -> int:
 
 
 class LaneViews(NamedTuple):
-    """Lanes and the cuts' records as flat arrays of float64, as :class:`Plain`."""
+    """Lanes and records as flat float64 arrays, like :class:`Plain`."""
 
     lanes: StructArray
     records: StructArray
@@ -281,7 +281,7 @@ class LaneViews(NamedTuple):
 
 @njit_inline
 def lane_views(lanes: StructArray, records: StructArray, count: Integer, scalars: Integer) -> LaneViews:
-    """Return flat views of ``count`` lanes, shape (1,), and of the cuts' records, shape (n,)."""
+    """Return flat views of lanes, shape (1,), and records, shape (n,)."""
     numbers = as_float64_view(records)
     return LaneViews(as_float64_view(lanes), numbers, count, scalars, len(numbers) // len(records))
 
@@ -295,7 +295,7 @@ def gather(views: LaneViews, n: Integer, cut: Integer) -> None:
 
 @njit_inline
 def pad(views: LaneViews, taken: Integer) -> None:
-    """Fill the lanes after the first ``taken`` ones with the scalars of the first."""
+    """Fill the unused lanes with the first lane's scalars."""
     for n in range(taken, views.width):
         for k in range(views.scalars):
             views.lanes[k * views.width + n] = views.lanes[k * views.width]
@@ -310,7 +310,7 @@ def scatter(views: LaneViews, n: Integer, cut: Integer) -> None:
 
 @njit_inline
 def note(row: Struct, n: int, reading: Struct, dt: float) -> None:
-    """Fill a :data:`~cutenv.sim.cutting.dtypes.READING` from lane ``n`` after an update of ``dt`` [s]."""
+    """Fill a :data:`~cutenv.sim.cutting.dtypes.READING` from lane ``n`` after ``dt`` [s]."""
     moved = row.backlash[n] > 0.0  # the encoder sits at the motor
     reading.time = row.tick[n] * dt
     reading.force = row.felt[n]

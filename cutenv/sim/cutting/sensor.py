@@ -53,7 +53,7 @@ SENSOR: np.dtype[Any] = np.dtype(
 
 @njit_inline
 def delayed_force(line: StructArray, delay: int, force: float, tick: int) -> float:
-    """Push ``force`` [N] into the delay line at update ``tick``; return the force that comes out."""
+    """Push ``force`` [N] into the delay line; return the delayed force."""
     line[tick & WRAP] = force
     out: float = line[(tick - delay) & WRAP] if tick >= delay else 0.0
     return out
@@ -61,7 +61,7 @@ def delayed_force(line: StructArray, delay: int, force: float, tick: int) -> flo
 
 @njit_internal
 def wandered(sensor: Struct, tick: int) -> float:
-    """Advance the random walk of the sensor's zero to update ``tick``; return the drift [N]."""
+    """Advance the zero's random walk to ``tick``; return the drift [N]."""
     if sensor.drift > 0.0:
         sensor.offset += sensor.drift * _ROOT_TICK * normal_at(sensor.seed, sensor.episode, SENSOR_DRIFT, tick)
     return sensor.offset  # type: ignore[no-any-return]
@@ -69,7 +69,7 @@ def wandered(sensor: Struct, tick: int) -> float:
 
 @njit_inline
 def as_read(force: float, noise: float, standard: float, resolution: float) -> float:
-    """Return the reading [N] of a ``force`` [N]: plus noise times a ``standard`` normal number, then quantised."""
+    """Return a ``force`` [N] with noise, quantised to the resolution."""
     reading = force + noise * standard
     if resolution > 0.0:
         return resolution * np.floor(reading / resolution + 0.5)  # type: ignore[no-any-return]
@@ -78,7 +78,7 @@ def as_read(force: float, noise: float, standard: float, resolution: float) -> f
 
 @njit_inline
 def feel_row(row: Struct, sensors: StructArray, first: bool) -> None:
-    """Measure ``row.force`` of every cut that is going on: through delay, drift, noise and resolution, ``row.felt``."""
+    """Measure ``row.force`` of every active cut as ``row.felt``."""
     for n in range(row.taken):
         if row.going[n] == 1:
             row.delayed[n] = delayed_force(sensors[row.cut[n]].line, row.delay[n], row.force[n], row.tick[n] - 1)
@@ -102,7 +102,7 @@ def feel_row(row: Struct, sensors: StructArray, first: bool) -> None:
 
 @njit_inline
 def _draw(row: Struct) -> None:
-    """Draw four milliseconds' sensor noise of every cut by the ziggurat method, as :mod:`cutenv._engine.randomness`."""
+    """Draw four milliseconds of sensor noise by the ziggurat method."""
     for n in range(len(row.blade)):
         row.words[0, n], row.words[1, n], row.words[2, n], row.words[3, n] = words_at(
             row.seed[n], row.episode[n], SENSOR_NOISE, (row.tick[n] - 1) >> 2
@@ -125,7 +125,9 @@ def _draw(row: Struct) -> None:
 
 @njit
 def measure(rows: StructArray, sensors: StructArray, force: float, tick: int) -> float:
-    """Return a sensor's reading [N] at update ``tick`` (from 0 at reset, each tick once) for a true ``force`` [N].
+    """Return the reading [N] of a true ``force`` at ``tick``.
+
+    Ticks count from 0 at reset; each is measured once.
 
     Parameters
     ----------
@@ -187,7 +189,7 @@ class Sensor:
         self._rows = np.zeros(1, ONE)
 
     def measure(self, force: float) -> float:
-        """Return the reading [N] of this millisecond for a true ``force`` [N]."""
+        """Return this millisecond's reading [N] of a true ``force`` [N]."""
         reading: float = measure(self._rows, self._sensors, float(force), self.tick)
         self.tick += 1
         return reading
@@ -198,7 +200,7 @@ class Sensor:
 
 
 def sensor_records(parameters: list[SensorParameters], seeds: list[int], episodes: list[int]) -> StructArray:
-    """Return new sensors as a structured array for the compiled law, shape (n,)."""
+    """Return new sensors as records for the law, shape (n,)."""
     for name, keys in (("seed", seeds), ("episode", episodes)):
         array_in_range(name, keys, 0, 2**64, "1", "Give whole numbers from 0.")
     sensors = np.zeros(len(parameters), SENSOR)

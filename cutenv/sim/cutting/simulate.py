@@ -124,14 +124,14 @@ def hold(motion: Motion) -> Callable[..., None]:
 
 @compiled_for(njit)
 def follow(motion: Motion) -> Callable[..., None]:
-    """Return the function that leads one blade exactly along a path; for derivations and checks of the law itself."""
+    """Return the function that leads a blade exactly along a path."""
     cut, scalars, lead, force = cut_row(motion), motion.scalars, motion.lead, motion.force
     bounded = not motion.stops_at_ends
 
     def follow(
         cuts: StructArray, shared: StructArray, path: Array, dt: float, readings: StructArray, across: Array
     ) -> None:
-        """Move the blade of one cut exactly along a path, one row of it every ``dt`` [s]; no drive, no sensor.
+        """Move a blade exactly along ``path``, without drive and sensor.
 
         Parameters
         ----------
@@ -177,7 +177,7 @@ def follow(motion: Motion) -> Callable[..., None]:
 
 @compiled_for(njit_nogil)
 def hold_some(motion: Motion) -> Callable[..., None]:
-    """Return the function that simulates many cuts under one command each: the bare physics loop, without a task."""
+    """Return the function that simulates many cuts under constant commands."""
     update, scalars, command, force = update_row(motion), motion.scalars, motion.command, motion.force
     lanes_of_row = motion.lanes(LANES)
 

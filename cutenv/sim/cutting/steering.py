@@ -140,7 +140,7 @@ STEERING: np.dtype[Any] = np.dtype(
 def steering_records(
     specimens: list[Specimen], lines: list[CutLine], profiles: StructArray, parameters: SteeringParameters | None = None
 ) -> StructArray:
-    """Return the records of n cuts in the plane, :data:`STEERING` of shape (n,), with each blade at its line's start.
+    """Return :data:`STEERING` records, shape (n,), of blades at the lines' starts.
 
     Parameters
     ----------
@@ -172,12 +172,12 @@ def steering_records(
 
 
 def place_of_blade(states: StructArray, steerings: StructArray) -> tuple[float, float]:
-    """Return the place of a blade, records of shape (1,), along and across the slab [m]."""
+    """Return the blade's place along and across the slab [m]."""
     return float(states["blade"][0] + steerings["east"][0]), float(steerings["north"][0])
 
 
 def place_of_tip(states: StructArray, steerings: StructArray) -> tuple[float, float]:
-    """Return the place of a tip, records of shape (1,), along and across the slab [m]."""
+    """Return the tip's place along and across the slab [m]."""
     steering = steerings[0]
     advance = (states["tip"][0] - steering["settled"]) * steering["stretch"]
     x = steering["settled"] + steering["tip_east"] + steering["tip_ahead"] * advance
@@ -186,7 +186,7 @@ def place_of_tip(states: StructArray, steerings: StructArray) -> tuple[float, fl
 
 @njit
 def begin_steering(profile: Struct, steering: Struct, tip: float) -> None:
-    """Take every point of a profile from the stiffness in ``steering``, for a crack that begins at ``tip`` [m]."""
+    """Fill a profile from ``steering`` for a crack from ``tip`` [m]."""
     for i in range(N_POINTS):
         steering.belongs[i] = -1
         renew_point(profile, steering, i)
@@ -194,7 +194,7 @@ def begin_steering(profile: Struct, steering: Struct, tip: float) -> None:
 
 
 class CrackFrame(NamedTuple):
-    """Stiffness at a point of the line in the frame of a crack's direction there."""
+    """Stiffness at a point of the line, along the crack's direction."""
 
     stiffness: float
     """Along the crack, K_ee [N/m]."""
@@ -224,7 +224,7 @@ class LineStiffness(NamedTuple):
 
 @njit_inline
 def _off_line_at(steering: Struct, i: int) -> tuple[float, float, float]:
-    """Gather what a tip beside point ``i`` of the line changes, which stands together in memory."""
+    """Gather the off-line stiffness rates at point ``i`` of the line."""
     return steering.off_line[3 * i], steering.off_line[3 * i + 1], steering.off_line[3 * i + 2]
 
 
@@ -241,7 +241,7 @@ def _between(
 
 @njit_inline
 def frame_at(steering: Struct, i: int, share: float) -> CrackFrame:
-    """Return the stiffness at grid index ``i`` and a fraction ``share`` of the way to the next point."""
+    """Return the stiffness at index ``i`` and fraction ``share``."""
     line = LineStiffness(
         lerp(steering.cosine, i, share), lerp(steering.sine, i, share), lerp(steering.curvature, i, share),
         lerp(steering.along, i, share), lerp(steering.coupled, i, share), lerp(steering.sideways, i, share),
@@ -252,7 +252,7 @@ def frame_at(steering: Struct, i: int, share: float) -> CrackFrame:
 
 @njit_inline
 def _frame(steering: Struct, line: LineStiffness) -> CrackFrame:
-    """Turn the stiffness along and across a line, of a tip where the crack's stands, into the frame of the crack."""
+    """Rotate a line's stiffness into the frame of the crack."""
     t_x, t_y, curvature, along, coupled, sideways, off_line = line
     along, coupled, sideways = stiffness_off_line((along, coupled, sideways), off_line, steering.tip_aside)
     e_x, e_y = steering.tip_ahead, steering.tip_across
@@ -268,7 +268,7 @@ def _frame(steering: Struct, line: LineStiffness) -> CrackFrame:
 
 @njit_internal
 def renew_point(profile: Struct, steering: Struct, i: int) -> None:
-    """Bring point ``i`` of a profile up to date with the direction of the crack."""
+    """Update point ``i`` of a profile to the crack's direction."""
     if steering.belongs[i] == steering.version:
         return
     steering.belongs[i] = steering.version
@@ -283,7 +283,7 @@ def renew_point(profile: Struct, steering: Struct, i: int) -> None:
 
 @njit_internal
 def renew_points(profile: Struct, steering: Struct, low: float, high: float) -> None:
-    """Bring the points around positions ``low`` to ``high`` [m] of the line up to date."""
+    """Update the points around positions ``low`` to ``high`` [m]."""
     first, last = grid_index(low)[0], grid_index(max(low, high))[0]
     for i in range(first, last + 2):
         renew_point(profile, steering, i)
@@ -291,7 +291,7 @@ def renew_points(profile: Struct, steering: Struct, low: float, high: float) -> 
 
 @njit_inline
 def _stand(steering: Struct, tip: float) -> None:
-    """Take coupling, stiffness sideways and stretch from the line at the tip."""
+    """Copy coupling, sideways stiffness and stretch from the line's tip."""
     i, share = grid_index(tip)
     frame = frame_at(steering, i, share)
     steering.coupling, steering.side_stiffness = frame.coupling, frame.side_stiffness
@@ -300,9 +300,10 @@ def _stand(steering: Struct, tip: float) -> None:
 
 @njit_inline
 def advanced(place: Struct, steering: Struct, a: float, i: int, share: float) -> tuple[float, float, float, float]:
-    """Return how much crack leads one tip to ``a`` [m] of the line, and its place there: east, north and aside [m].
+    """Return the crack length to ``a`` [m], and the place there [m].
 
-    ``i`` and ``share`` are the grid index of ``a`` and the fraction of the way to the next point.
+    The place is east, north and aside.  ``i`` and ``share`` are the grid index of ``a`` and the fraction of the way to
+    the next point.
     """
     grown = a - place.settled
     advance = grown * place.stretch
@@ -336,7 +337,7 @@ def lay_cut(steering: Struct, last: CutPoint, tip: CutPoint) -> None:
 
 @njit_inline
 def advance_tip(steering: Struct, a: float) -> float:
-    """Advance one tip in its direction to ``a`` [m] of the line; return by how much crack [m]."""
+    """Advance a tip to ``a`` [m]; return the growth [m]."""
     i, share = grid_index(a)
     advance, east, north, aside = advanced(steering, steering, a, i, share)
     lay_cut(steering, CutPoint(steering.cell, steering.settled, steering.tip_aside), CutPoint(i, a, aside))
@@ -346,7 +347,7 @@ def advance_tip(steering: Struct, a: float) -> float:
 
 
 class PlaceInRow(NamedTuple):
-    """The fields of a place that functions read, for one cut in a row."""
+    """Fields of a place for one cut in a row."""
 
     ahead: float
     across: float
@@ -377,13 +378,13 @@ def command_turn(places: Struct, n: Integer, rate: float) -> None:
 
 @njit_inline
 def _aim_place(places: Struct, n: Integer, turn: float) -> None:
-    """Prepare lane ``n`` for updates in each of which the blade turns to the left by ``turn`` [rad]."""
+    """Prepare lane ``n`` for a left ``turn`` [rad] per update."""
     places.turn[n], places.seen_line_point[n] = turn, -1
 
 
 @njit_inline
 def to_crack(place: Struct) -> tuple[float, float]:
-    """Return cosine and sine of the angle from the crack to the blade's direction."""
+    """Return cosine and sine of the blade's angle to the crack."""
     return (
         place.ahead * place.tip_ahead + place.across * place.tip_across,
         place.tip_ahead * place.across - place.tip_across * place.ahead,
@@ -392,7 +393,10 @@ def to_crack(place: Struct) -> tuple[float, float]:
 
 @njit_inline
 def turned(ahead: float, across: float, by: float) -> tuple[float, float]:
-    """Return a direction turned to the left ``by`` an angle below 0.5 rad; its length stays 1 within 1e-16 a turn."""
+    """Return a direction turned left ``by`` less than 0.5 rad.
+
+    Its length stays 1 within 1e-16 a turn.
+    """
     square = by * by
     cosine = 1.0 - square * (0.5 - square * (1.0 / 24.0 - square * (1.0 / 720.0)))
     sine = by * (1.0 - square * (1.0 / 6.0 - square * (1.0 / 120.0 - square * (1.0 / 5040.0))))
@@ -403,7 +407,7 @@ def turned(ahead: float, across: float, by: float) -> tuple[float, float]:
 
 @njit_inline
 def renew_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> None:
-    """Bring the profiles of cuts whose tip reaches another grid point up to date."""
+    """Update profiles of cuts whose tip reaches another grid point."""
     if row.points > 0:
         for n in range(row.taken):
             far = row.da[n] > LONGEST_ADVANCE
@@ -417,7 +421,7 @@ def renew_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> 
 
 @njit_inline
 def renew_runs(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> None:
-    """Bring the profiles of cuts whose crack runs up to date, from the tip to the blade."""
+    """Update the profiles of running cracks, from tip to blade."""
     for n in range(row.taken):
         if row.going[n] == 1 and row.waits[n] == 0:
             renew_points(profiles[row.cut[n]], moving.records[row.cut[n]], row.tip[n], row.x[n])
@@ -425,7 +429,7 @@ def renew_runs(row: Struct, moving: Moving, profiles: StructArray, dt: float) ->
 
 @njit_inline
 def respond_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> None:
-    """Let cracks turn, and add up the forces along each blade and to its right."""
+    """Turn cracks, and sum the forces along and across the blades."""
     places = moving.lanes
     due = 0
     for n in range(len(row.blade)):
@@ -446,7 +450,7 @@ def respond_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -
 
 @njit_inline
 def aim_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> None:
-    """Turn each blade, find where its motion leads, and reduce it to that along the crack, on which the law acts.
+    """Turn each blade, and project its motion onto the crack.
 
     At the ends of the line, at the reach on its sides, and outside the slab, a blade stops as at an end stop.
     """
@@ -500,7 +504,7 @@ def aim_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> No
 
 @njit_inline
 def move_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> None:
-    """Move each blade in the plane: the law has applied the component along the crack alone, which is replaced.
+    """Move each blade in the plane, replacing motion along the crack.
 
     To the side the blade is held by the tissue ahead of the tip, and behind the tip by the faces of the cut.
     """
@@ -540,19 +544,19 @@ def move_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> N
 
 @njit_inline
 def bristles_aside(places: Struct, n: Integer) -> tuple[float, float]:
-    """Return the bristles' deflection to the left of a blade [m], and its motion there: it moves where it points."""
+    """Return the bristles' leftward deflection and the blade's leftward motion [m]."""
     return places.bent[n], 0.0
 
 
 @njit_inline
 def hold_aside(places: Struct, n: Integer, bent: float, force: float) -> None:
-    """Take the bristles' next deflection to the left [m], and the force of friction to the right [N]."""
+    """Store the leftward deflection [m] and the rightward friction [N]."""
     places.bent[n], places.rubbing_aside[n] = bent, force
 
 
 @njit_inline
 def offset_ahead(row: Struct, place: Struct, n: int) -> tuple[float, float]:
-    """Return the offset of one blade from its settled tip along the crack and to the left of it [m]."""
+    """Return a blade's offset ahead and left of its settled tip [m]."""
     e_x, e_y = place.tip_ahead, place.tip_across
     east = (row.blade[n] - place.settled) + (place.east - place.tip_east)
     north = place.north - place.tip_north
@@ -561,7 +565,7 @@ def offset_ahead(row: Struct, place: Struct, n: int) -> tuple[float, float]:
 
 @njit_internal
 def offset_behind(row: Struct, places: Struct, steering: Struct, n: int) -> tuple[float, float, float]:
-    """Return h of one blade behind its settled tip [m], and its rise with motion along the crack and to the left [1].
+    """Return h behind the tip [m], and its slopes [1].
 
     It is the blade's distance to the faces of the cut, across the drawn line, which fades into that to the crack's
     course straight back, as ahead of the tip.
@@ -596,7 +600,7 @@ def offset_behind(row: Struct, places: Struct, steering: Struct, n: int) -> tupl
 
 @njit_internal
 def turn_crack(row: Struct, places: Struct, profile: Struct, steering: Struct, n: int) -> None:
-    """Let one crack turn, and its tissue respond, to the growth since they last did."""
+    """Turn one crack and its tissue for the latest growth."""
     places.waiting[n] = places.response[n]
     a, grown = row.tip[n], row.tip[n] - places.settled[n]
     pull = row.elastic[n] * places.per_stretch[n]
@@ -655,7 +659,7 @@ def turn_crack(row: Struct, places: Struct, profile: Struct, steering: Struct, n
 
 @njit_internal
 def lay_line(profile: Struct, steering: Struct, line: Struct) -> None:
-    """Lay a line, :data:`~cutenv.sim.tissue.drawn_lines.LINE`, into a specimen whose profile is that of a straight cut.
+    """Fit a straight cut's profile to a :data:`~cutenv.sim.tissue.drawn_lines.LINE`.
 
     The stiffness of the profile becomes that of a crack on the line; blade and tip stand at its start.
     """
@@ -674,7 +678,7 @@ def lay_line(profile: Struct, steering: Struct, line: Struct) -> None:
 
 @njit_internal
 def stand_on_line(profile: Struct, steering: Struct, place: float) -> None:
-    """Put blade and tip to ``place`` [m] on the line, up to which it is cut; they point along it."""
+    """Put blade and tip on the line at ``place`` [m]."""
     i, share = grid_index(place)
     ahead, across = lerp(steering.cosine, i, share), lerp(steering.sine, i, share)
     steering.ahead, steering.across = ahead, across
@@ -687,7 +691,7 @@ def stand_on_line(profile: Struct, steering: Struct, place: float) -> None:
 
 @njit_inline
 def lead_turn(row: Struct, places: Struct, turn: float) -> float:
-    """Turn the blade of a row of one to the left [rad]; return the way since the start [m]."""
+    """Turn one blade left [rad]; return the way travelled [m]."""
     _aim_place(places, 0, turn)
     # The law moves blade and hand along the line alike, but for the blade's own motion.
     return row.blade[0] - row.hand[0]  # type: ignore[no-any-return]
@@ -701,7 +705,7 @@ def lateral_force(places: Struct, n: Integer) -> float:
 
 @njit_inline
 def pull_back(places: Struct, n: Integer, felt: float) -> float:
-    """Return the part along the line of the force on a blade, of which ``felt`` is along the blade [N]."""
+    """Return the force along the line from ``felt`` along the blade."""
     t_x = places.point_cosine[n] + places.line_share[n] * places.rise_cosine[n]
     t_y = places.point_sine[n] + places.line_share[n] * places.rise_sine[n]
     turned_ahead, turned_left = (

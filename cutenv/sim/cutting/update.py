@@ -73,20 +73,20 @@ from cutenv.sim.cutting.sensor import feel_row
 
 @njit_inline
 def crept(law: Struct, reach: float, creep: float, dt: float) -> float:
-    """Return the creep g [m] after ``dt``, for a blade ``reach`` [m] ahead of the tip."""
+    """Return the creep [m] after ``dt`` at ``reach`` [m]."""
     rate = dt / ((1.0 - law.relaxing_share) * law.creep_time)
     return (creep + rate * law.relaxing_share * max(reach, creep)) / (1.0 + rate)  # type: ignore[no-any-return]
 
 
 @njit_inline
 def energy_of_creep(law: Struct, K: float, creep: float) -> float:
-    """Return the energy [J] that the tissue would give back as it recovers."""
+    """Return the energy [J] that recovery from creep would release."""
     return 0.5 * K * creep**2 * (1.0 - law.relaxing_share) / law.relaxing_share  # type: ignore[no-any-return]
 
 
 @njit_inline
 def relaxed(law: Struct, K: float, reach: float, creep: float, dt: float) -> tuple[float, float, float, float]:
-    """Return creep [m] after ``dt``, its energy before and then, and the loss [J]; the blade is ``reach`` [m] ahead."""
+    """Return creep [m], energy before and after, and loss [J]."""
     here = energy_of_creep(law, K, creep)
     next_creep = crept(law, reach, creep, dt)
     next_locked = energy_of_creep(law, K, next_creep)
@@ -97,11 +97,11 @@ def relaxed(law: Struct, K: float, reach: float, creep: float, dt: float) -> tup
 
 @compiled_for(njit_inline)
 def update_row(motion: Motion) -> Callable[..., None]:
-    """Return the function that advances a row of cuts by an update."""
+    """Return the function that advances a row by one update."""
     drive, cut = motion.drive, cut_row(motion)
 
     def update_row(row: Struct, moving: Moving, profiles: StructArray, sensors: StructArray, first: bool) -> None:
-        """Advance every cut in a row by a millisecond under its commanded speed and angle, ``given`` and ``aim``.
+        """Advance a row by 1 ms under speed ``given`` and angle ``aim``.
 
         ``first`` is True for the first update since the row was loaded.
         """
@@ -116,12 +116,12 @@ def update_row(motion: Motion) -> Callable[..., None]:
 
 @compiled_for(njit_inline)
 def cut_row(motion: Motion) -> Callable[..., None]:
-    """Return the function that advances the law for a row of cuts: the cutting law, with the hooks of a motion."""
+    """Return the function that advances the cutting law of a row."""
     aim, move, renew, renew_runs, respond = motion.aim, motion.move, motion.renew, motion.renew_runs, motion.respond
     grow, rub = grow_row(motion), None if motion.across is None else rub_row(motion)
 
     def cut_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> None:
-        """Advance the law: each blade turns to ``row.next_angle`` and moves by ``row.dx`` in ``dt`` [s].
+        """Turn blades to ``row.next_angle``, and move them by ``row.dx``.
 
         ``row.turns`` is the number of blades that turn.  The force on the blade is ``row.force``: that of the tissue,
         ``row.elastic``, and of friction on its faces, positive toward the clamp [N]; ``row.jump`` the unstable growth
@@ -224,7 +224,7 @@ def relax_row(row: Struct, dt: float) -> None:
 
 @njit_inline
 def load_row(row: Struct, dt: float) -> None:
-    """Compute the elastic motion, and the position to which the tip would follow."""
+    """Compute the elastic motion and the tip's target position."""
     points = leaps = 0
     for n in range(len(row.blade)):
         law = law_in_row(row, n)
@@ -264,13 +264,13 @@ def loading_in_row(row: Struct, n: int) -> Loading:
 
 @njit_inline
 def loaded_in_row(row: Struct, n: int) -> Loaded:
-    """Gather crack tip and tissue of the cut in lane ``n`` before its loading."""
+    """Gather tip and tissue of lane ``n`` before its loading."""
     return Loaded(row.tip[n], row.F[n], row.U[n], row.K[n], row.toughness[n], row.ledger[n])
 
 
 @njit_inline
 def leap_row(row: Struct, profiles: StructArray) -> None:
-    """Integrate all but the last part of long advances of the tip."""
+    """Integrate long advances of the tip, except their last part."""
     for n in range(row.taken):
         if row.going[n] == 0 or row.da[n] <= LONGEST_ADVANCE:
             continue
@@ -290,7 +290,7 @@ def leap_row(row: Struct, profiles: StructArray) -> None:
 
 @njit_inline
 def look_row(row: Struct, profiles: StructArray) -> None:
-    """Gather the profile at the blade and at the tip's next position, for cuts that reach another grid point."""
+    """Gather profiles at blade and next tip after a grid step."""
     for n in range(len(row.blade)):
         i, j = row.tip_point[n], row.blade_point[n]
         if i != row.seen_tip_point[n]:
@@ -305,11 +305,14 @@ def look_row(row: Struct, profiles: StructArray) -> None:
 
 @compiled_for(njit_inline)
 def grow_row(motion: Motion) -> Callable[..., None]:
-    """Return the function that advances the tip, and adds friction unless that has a part across the cut."""
+    """Return the function that advances the tip and adds friction.
+
+    Friction with a part across the cut is left to :func:`rub_row`.
+    """
     rubs_along = motion.across is None
 
     def grow_row(row: Struct) -> None:
-        """Advance the tip where the ledger admits it, and add friction along the cut."""
+        """Advance admitted tips, and add friction along the cut."""
         runs = 0
         for n in range(len(row.blade)):
             law = law_in_row(row, n)
@@ -341,13 +344,13 @@ def grow_row(motion: Motion) -> Callable[..., None]:
 
 @compiled_for(njit_inline)
 def rub_row(motion: Motion) -> Callable[..., None]:
-    """Return the function that adds friction on the blades' faces where it has a part across the cut."""
+    """Return the function that adds friction along and across cuts."""
     across, rub = motion.across, motion.rub
     assert across is not None
     assert rub is not None
 
     def rub_row(row: Struct, moving: Moving, dt: float) -> None:
-        """Add friction on each blade's faces, along the cut and across it."""
+        """Add friction on each blade's faces, along and across the cut."""
         lanes = moving.lanes
         rubs = 0
         for n in range(len(row.blade)):
@@ -380,7 +383,7 @@ def _rub(row: Struct, n: int) -> None:
 
 @njit_inline
 def _rub_in_plane(row: Struct, n: int, across: tuple[float, float], dt: float) -> tuple[float, float]:
-    """Add friction to one cut along and ``across`` it, which are deflection and motion [m]; return it there.
+    """Add friction to one cut; return that of motion ``across`` [m].
 
     That is the bristles' next deflection [m], and the force [N] against a motion across.
     """

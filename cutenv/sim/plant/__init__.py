@@ -1,4 +1,4 @@
-"""Plants: one interface for the simulator, a replayed record and a rig."""
+"""Plants: one interface to simulator, replayed record and rig."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A simulated slab that is cut where the blade is led.
+"""Simulated slab that is cut where the blade is led.
 
 Its model is solved again as the cut opens.
 """
@@ -75,7 +75,7 @@ class GrowingModel:
         )
 
     def begin(self, profile: Struct, steering: Struct, length: float = 0.0) -> None:
-        """Begin a cut at the start of the line, and lead it along ``length`` of it [m].
+        """Begin a cut, and lead it along ``length`` of the line [m].
 
         What profile and steering hold of the line's stiffness is replaced.
         """
@@ -89,7 +89,7 @@ class GrowingModel:
         begin_steering(profile, steering, length)
 
     def lead(self, way: list[tuple[float, float, float]]) -> Grown:
-        """Lead the crack along places that the tip has passed: along and across the slab [m], and its direction there.
+        """Lead the crack along places [m] and directions of the tip.
 
         There is nothing to tell until it has passed a node.
         """
@@ -102,7 +102,7 @@ class GrowingModel:
         return self.looked_ahead() if passed else Grown(np.zeros(0), np.zeros(0), None)
 
     def looked_ahead(self) -> Grown:
-        """Return the stiffness at the model's tip, and at the nodes that a crack straight on would pass."""
+        """Return the stiffness at the tip and at straight-on nodes."""
         ahead, places, stiffness = self.model.copy(), [], []
         if len(ahead.path) > 1:
             places.append(ahead.tip)
@@ -121,20 +121,20 @@ class GrowingModel:
         return Grown(ways[known], found[known] / base[:, np.newaxis, np.newaxis], None)
 
     def _in_plane(self, model: SteeredModel) -> Array:
-        """Return the stiffness at a tip along and across the slab, with the elements of the measured moduli."""
+        """Return a tip's stiffness along and across the slab."""
         c, s = math.cos(model.angle), math.sin(model.angle)
         frame = np.array([[c, -s], [s, c]])
         return frame @ model.converted_stiffness(_ELEMENT) @ frame.T  # type: ignore[no-any-return]
 
     def _arc_length(self, place: Array) -> float:
-        """Return the arc length of the line at the foot of a place [m]."""
+        """Return a place's arc length along the line [m]."""
         line = self.line
         i = int(np.argmin((line.x - place[0]) ** 2 + (line.y - place[1]) ** 2))
         along = (place[0] - line.x[i]) * math.cos(line.angle[i]) + (place[1] - line.y[i]) * math.sin(line.angle[i])
         return float(min(max(i * SPACING + along, 0.0), LENGTH))
 
     def tell(self, steering: Struct, grown: Grown, tip: float) -> None:
-        """Write the stiffness of the specimen from a ``tip`` [m] of the line on; beyond the last node it is held."""
+        """Write the stiffness from ``tip`` [m] on, held beyond the last node."""
         first = max(int(np.searchsorted(self._grid, tip, side="right")) - 1, 0)
         order = np.argsort(grown.ways)
         ways, ratios = grown.ways[order], grown.ratios[order]
@@ -149,7 +149,7 @@ class GrowingModel:
         steering["sideways"][first:] = own * turned[:, 1, 1]
 
     def displaced(self, lag: Array, opening: float = 0.0) -> list[Array]:
-        """Return the outlines of the elements, each of shape (3 or 4, 2) [m], their tip moved by ``lag`` [m].
+        """Return element outlines, (3 or 4, 2) [m], displaced by ``lag`` [m].
 
         ``opening`` is the distance by which the faces of cuts are drawn apart, far from their ends [m].
         """
@@ -161,7 +161,7 @@ class GrowingModel:
 
 
 class FreehandPlant(SteeredPlant):
-    """A simulated slab, cut by a blade that is led anywhere.
+    """Simulated slab, cut by a blade that is led anywhere.
 
     The finite-element model follows the crack.
 
@@ -216,7 +216,7 @@ class FreehandPlant(SteeredPlant):
         return self._growing_model.model
 
     def _advance(self, speed: float, angle: float, ticks: int, further: float) -> StructArray:
-        """Advance in parts, after each of which the model follows the crack."""
+        """Advance in parts, with the model following the crack between them."""
         if ticks <= _CHUNK:
             felt = super()._advance(speed, angle, ticks, further)
             self._follow()
@@ -230,7 +230,7 @@ class FreehandPlant(SteeredPlant):
         return joined_records(readings)
 
     def settle(self) -> None:
-        """Wait until the model has followed the crack as far as it can."""
+        """Wait until the model has followed the crack."""
         while self._growing is not None or (self._way and self.end is None):
             if self._growing is not None:
                 self._growing.result()
@@ -238,11 +238,11 @@ class FreehandPlant(SteeredPlant):
 
     @property
     def cut(self) -> Array:
-        """Places of the cut in the model, from its beginning to the last node it passed, shape (n, 2) [m]."""
+        """Nodes of the cut in the model, shape (n, 2) [m]."""
         return self.model.path
 
     def displaced(self, opening: float = 0.0) -> list[Array]:
-        """Return the outlines of the model's elements, each of shape (3 or 4, 2) [m]: the tip moved with the blade.
+        """Return the model's displaced element outlines, each (3 or 4, 2) [m].
 
         Parameters
         ----------
@@ -253,7 +253,7 @@ class FreehandPlant(SteeredPlant):
         return self._growing_model.displaced(np.subtract(self.blade, self.tip), opening)
 
     def _follow(self) -> None:
-        """Note where the tip is, and let the model grow there."""
+        """Record the tip's place, and let the model follow."""
         x, y = self.tip
         steering = self.steerings[0]
         if math.dist((x, y), self._noted) > 0.5 * SPACING:

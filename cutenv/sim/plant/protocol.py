@@ -22,15 +22,15 @@ from cutenv.sim.trace import Trace
 
 
 class Plant(Protocol):
-    """A blade in tissue, driven by commands and measured by a force sensor at 1 kHz."""
+    """Blade in tissue, driven by commands, with force measured at 1 kHz."""
 
     @property
     def depth(self) -> NDArray[np.float64]:
-        """Depth of cut as measured beforehand, one value every 0.5 mm from the clamp, shape (301,) [m]."""
+        """Measured depth of cut every 0.5 mm, shape (301,) [m]."""
         ...
 
     def advance(self, speed: float, angle: float, ticks: int) -> StructArray:
-        """Command ``speed`` [m/s] and ``angle`` [rad] for ``ticks`` milliseconds and return the readings.
+        """Command ``speed`` [m/s] and ``angle`` [rad]; return the readings.
 
         Returns
         -------
@@ -67,7 +67,7 @@ class Leg:
 def forward_backward(
     *, first: float = 0.0254, second: float = 0.0508, speed: float, angle: float = math.pi / 2
 ) -> list[Leg]:
-    """Return the thesis's two cycles (section 6.2): cut ``first``, return to the start, cut to ``second``, return."""
+    """Return legs of the thesis's two forward-backward cycles (section 6.2)."""
     return [Leg(position=target, speed=speed, angle=angle, dwell=0.2) for target in (first, 0.0, second, 0.0)]
 
 
@@ -113,12 +113,12 @@ def run(plant: Plant, legs: list[Leg]) -> StructArray:
 
 
 def to_trace(plant: Plant, readings: StructArray, **metadata: object) -> Trace:
-    """Return a plant's readings as a rig would have recorded them, with the depth that it has measured beforehand."""
+    """Return readings as a recorded trace with the plant's measured depth."""
     return recorded_trace(readings, plant.depth, **metadata)
 
 
 def recorded_trace(readings: StructArray, depth: Array, **metadata: object) -> Trace:
-    """Return readings as a rig would have recorded them: force, position, speed, angle, depth; no hidden state.
+    """Return readings as a recorded trace, without hidden state.
 
     ``depth`` is that along the cut line, shape (301,) [m].
     """

@@ -21,7 +21,7 @@ _HIDDEN = ("true_force", "elastic_force", "tip", "jump")
 
 
 class ReplayPlant:
-    """A recorded cut, replayed one millisecond after the other from its first reading on.
+    """Recorded cut, replayed by the millisecond from its first reading.
 
     Parameters
     ----------

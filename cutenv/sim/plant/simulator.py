@@ -31,7 +31,7 @@ MAX_SPEED = 0.5
 
 
 class SimulatedPlant:
-    """A simulated specimen, cut by a driven blade whose force a sensor measures.
+    """Simulated specimen, cut by a driven blade with force sensor.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ class SimulatedPlant:
         self._across: Array = np.zeros(0)
 
     def _begin(self) -> float:
-        """Fill the profiles and the records of the motion; return the blade's travel [m]."""
+        """Fill profiles and motion records; return the blade's travel [m]."""
         self.cuts["profiles"] = profile_records([self.specimen])
         return LENGTH - SPACING
 
@@ -104,7 +104,7 @@ class SimulatedPlant:
         return self._advance(speed, angle, ticks, 0.0)
 
     def _advance(self, speed: float, angle: float, ticks: int, further: float) -> StructArray:
-        """Advance, with a command of the motion's further axis; checks everything that is commanded."""
+        """Advance under checked commands, with the motion's further axis."""
         if not (-MAX_SPEED <= speed <= MAX_SPEED and _ANGLE_LOW <= angle <= _ANGLE_HIGH):
             in_range("speed", speed, -MAX_SPEED, MAX_SPEED, "m/s", "Speeds are in m/s: 2.54 cm/s is 0.0254.")
             check_angle(angle)
@@ -124,7 +124,7 @@ class SimulatedPlant:
     def lead(
         self, positions: ArrayLike, angles: ArrayLike, further: ArrayLike = 0.0, *, dt: float = TICK
     ) -> StructArray:
-        """Lead the blade exactly along a path, without drive and sensor: for derivations and checks of the law itself.
+        """Lead the blade exactly along a path, without drive and sensor.
 
         Parameters
         ----------
@@ -164,12 +164,12 @@ class SimulatedPlant:
         return profiles
 
     def snapshot(self) -> Physics:
-        """Return copies of the hidden state and of everything that determines its future, each of shape (1,)."""
+        """Return copies of the whole hidden state, each of shape (1,)."""
         parts = {name: self.cuts[name][0].copy() for name in Physics._fields if name != "shared"}
         return Physics(**parts, shared=self.shared)
 
     def energy(self) -> dict[str, float]:
-        """Return the energies since the start [J]: work, stored, fracture, friction, loss, ledger, and residual.
+        """Return the energies since the start [J], with their residual.
 
         The residual is work minus all the others.
         """

@@ -31,7 +31,7 @@ from cutenv.sim.tissue.specimen import Specimen
 
 
 class DescendingPlant(SimulatedPlant):
-    """A simulated specimen in layers, cut by a blade with height.
+    """Simulated specimen in layers, cut by a blade with height.
 
     The blade is driven along the cut and up and down.
 
@@ -82,22 +82,22 @@ class DescendingPlant(SimulatedPlant):
 
     @property
     def vertical_force(self) -> Array:
-        """True force of the tissue on the blade, upwards, during the last :meth:`advance`, shape (ticks,) [N]."""
+        """True upward force of the last :meth:`advance`, shape (ticks,) [N]."""
         return self._across
 
     @property
     def level(self) -> float:
-        """Level of the blade's lower end [m], upwards; 0 cuts as deep as the specimen's profile says."""
+        """Level of the blade's lower end [m], upwards from the profile's depth."""
         return float(self.descents["level"][0])
 
     @property
     def floor(self) -> Array:
-        """Depth of the cut below the surface at each point [m], shape (301,); 0 where nothing is cut."""
+        """Depth of cut at each point [m], shape (301,); 0: uncut."""
         cut: Array = np.minimum(self.descents["surface"][0] - self.descents["floor"][0], self.specimen.thickness)
         return cut
 
     def advance(self, speed: float, angle: float, ticks: int, descent_speed: float = 0.0) -> StructArray:
-        """Command speeds along the cut and downwards [m/s] and an angle [rad] for ``ticks`` milliseconds.
+        """Command speeds forward and down [m/s] and an angle [rad].
 
         Returns
         -------
@@ -167,7 +167,7 @@ class SteeredPlant(SimulatedPlant):
 
     @property
     def lateral_force(self) -> Array:
-        """True force of the tissue on the blade, to its right, during the last :meth:`advance`, shape (ticks,) [N]."""
+        """True rightward force of the last :meth:`advance`, shape (ticks,) [N]."""
         return self._across
 
     @property
@@ -177,28 +177,28 @@ class SteeredPlant(SimulatedPlant):
 
     @property
     def tip(self) -> tuple[float, float]:
-        """Place of the crack tip, along and across the slab [m]; hidden on a rig."""
+        """Crack tip along and across the slab [m]; hidden on rigs."""
         return place_of_tip(self.states, self.steerings)
 
     @property
     def heading(self) -> float:
-        """Direction in which the blade points: angle to the axis of the slab [rad], positive to the left."""
+        """Blade's heading from the slab's axis [rad], positive to the left."""
         steering = self.steerings[0]
         return math.atan2(steering["across"], steering["ahead"])
 
     @property
     def distance(self) -> float:
-        """Distance of the blade to the left of the line [m]."""
+        """Distance of the blade left of the line [m]."""
         return float(self.steerings["aside"][0])
 
     @property
     def cut_distance(self) -> Array:
-        """Distance of the cut to the left of the line at each point that the tip has passed [m], shape (n,)."""
+        """Distance of the cut left of the line [m], shape (n,)."""
         passed: Array = self.steerings["cut"][0][: self.steerings["cell"][0] + 1].copy()
         return passed
 
     def advance(self, speed: float, angle: float, ticks: int, turn_rate: float = 0.0) -> StructArray:
-        """Command a speed [m/s], an inclination [rad] and a turn to the left [rad/s] for ``ticks`` milliseconds.
+        """Command speed [m/s], inclination [rad] and left turn [rad/s].
 
         Returns
         -------

@@ -68,7 +68,7 @@ class Continuum:
     def unit_response(
         self, mesh: CutMesh, relative_modulus: Array | None, *, slipping: bool, thickness: float
     ) -> TipResponse:
-        """Return the response to a unit blade force at unit modulus and unit thickness, see `tip_responses`.
+        """Return the response to a unit blade force, see `tip_responses`.
 
         Plane models are assembled for unit thickness; solid ones contain their own ``thickness`` [m].
         """
@@ -78,7 +78,7 @@ class Continuum:
         return TipResponse(stiffness=read_only(response.stiffness / own), fields=read_only(response.fields * own))
 
     def strain_energy_density(self, mesh: CutMesh, displacement: Array, modulus: float, relative: Array) -> Array:
-        """Return the mean strain energy per volume of each element [J/m3], shape (n_elements,)."""
+        """Return each element's mean strain energy density [J/m3], shape (n_elements,)."""
         u = displacement.ravel()
         if mesh.kind.has_pressure:
             return modulus * mixed_strain_energy_density(mesh.basis, mesh.pressure_basis, u, self.poisson, relative)
@@ -95,7 +95,7 @@ _WHOLE = 1e-6  # of an element: a line that is so close to an edge lies on it
 def whole_elements(
     offset: float, earlier: Sequence[tuple[float, float]], size: Sequence[float], divisions: Sequence[int]
 ) -> tuple[int, tuple[tuple[int, int], ...]]:
-    """Return the offset of the cut line, and x and length of each earlier cut, counted in elements.
+    """Return offset and earlier cuts, x and length, counted in elements.
 
     Raises
     ------
@@ -126,14 +126,14 @@ def whole_elements(
 
 
 def unit_force(force: float, modulus: float, thickness: float) -> float:
-    """Return the blade's force [N] over modulus [Pa] and thickness [m], in metres; raise for one out of range."""
+    """Return force over modulus and thickness [m]; raise if out of range."""
     f = in_range("force", force, -1e6, 1e6, "N", "Forces are in newtons.")
     e = in_range("modulus", modulus, 1e-6, 1e12, "Pa", POSITIVE_MODULUS)
     return f / (e * in_range("thickness", thickness, 1e-6, 1.0, "m", METRES))
 
 
 def checked_points(points: ArrayLike, nodes: Array) -> Array:
-    """Return points as an array of shape (n, dim); raise if they have another shape, or one is outside the mesh."""
+    """Return points, shape (n, dim); raise if one is outside the mesh."""
     places = np.array(points, dtype=np.float64)
     dim = nodes.shape[1]
     if places.ndim != 2 or places.shape[1] != dim:
@@ -147,7 +147,7 @@ def checked_points(points: ArrayLike, nodes: Array) -> Array:
 
 
 def checked_relative_modulus(modulus: ArrayLike, n_elements: int) -> Array:
-    """Return the relative modulus of each element, read-only; raise for another shape or a value out of range."""
+    """Return each element's relative modulus, read-only; raise if invalid."""
     cure = "It is each element's modulus over the common one: divide by that."
     checked = array_in_range("relative_modulus", modulus, 1e-6, 1e6, "1", cure)
     if checked.shape != (n_elements,):

@@ -104,20 +104,20 @@ class BladeReading(NamedTuple):
 
 
 def believe_mean(memory: StructArray, friction_per_depth: float) -> None:
-    """Let records of :data:`TIP_FIELDS` begin with the mean tissue's stiffness and this friction [N/m]."""
+    """Initialise :data:`TIP_FIELDS` records with mean stiffness and friction [N/m]."""
     memory["friction_per_depth"] = friction_per_depth
     memory["stiffness_ratio"] = 1.0
 
 
 @njit_inline
 def dragged(bristle: float, moved: float) -> float:
-    """Return the deflection [m] of friction's bristles after the blade has moved: limited to the presliding length."""
+    """Return the bristles' deflection [m], limited to the presliding length."""
     return min(max(bristle + moved, -PRESLIDING), PRESLIDING)
 
 
 @njit_internal
 def follow_tip(memory: Struct, mean: MeanTissue, reading: BladeReading) -> tuple[float, float]:
-    """Return the estimated tip [m] and the elastic force [N] at a reading, and remember what it shows.
+    """Estimate tip [m] and elastic force [N], and update ``memory``.
 
     ``memory`` has :data:`TIP_FIELDS`, and is changed in place.
     """
@@ -154,7 +154,7 @@ def assess_tip(memory: Struct, mean: MeanTissue, reading: BladeReading) -> float
 
 @njit
 def assess_tips(memories: StructArray, taught: StructArray, mean: MeanTissue, readings: Array, tips: Array) -> None:
-    """Fill ``tips``, shape (n,) [m], by :func:`assess_tip` for ``readings`` every 20 ms, shape (n, 4).
+    """Fill ``tips`` [m] by :func:`assess_tip` for ``readings`` every 20 ms.
 
     The columns are the fields of :class:`BladeReading`; ``memories`` has shape (1,), and so has ``taught``, which is
     given as zeros and filled with what was remembered at the first return stroke.
@@ -170,14 +170,14 @@ def assess_tips(memories: StructArray, taught: StructArray, mean: MeanTissue, re
 
 @njit_internal
 def stiffness_behind(mean: MeanTissue, tip: float) -> float:
-    """Return K [N/m] of the mean tissue for a ``tip`` [m] behind the blade."""
+    """Return mean K [N/m] for a ``tip`` [m] behind the blade."""
     K: float = mean.stiffness[min(max(round(tip / SPACING), 0), mean.passed - 1)]
     return K
 
 
 @njit_internal
 def tip_behind(mean: MeanTissue, position: float, elastic: float) -> float:
-    """Return the tip [m] at which the mean tissue would hold a blade at ``position`` with the force ``elastic`` [N]."""
+    """Return the tip [m] at which mean tissue exerts ``elastic`` [N]."""
     tip = position
     for _ in range(_ITERATIONS):
         tip = position - elastic / stiffness_behind(mean, tip)
@@ -186,7 +186,7 @@ def tip_behind(mean: MeanTissue, position: float, elastic: float) -> float:
 
 @njit_internal
 def _learn_from_retreat(memory: Struct, mean: MeanTissue, reading: BladeReading) -> None:
-    """Update stiffness, friction and located tip from the force while the blade draws back."""
+    """Update stiffness, friction and tip from a retreating blade's force."""
     position, speed, depth, force = reading.position, reading.speed, reading.depth, reading.force
     if speed > _FORWARD:
         memory.pushed, memory.pushed_at = force, position
@@ -222,7 +222,7 @@ def _learn_from_retreat(memory: Struct, mean: MeanTissue, reading: BladeReading)
 
 @njit_internal
 def _locate_tip(memory: Struct, mean: MeanTissue, depth: float) -> None:
-    """Locate the tip: extrapolate the straight line of the force down to friction."""
+    """Locate the tip by extrapolating the force's line to friction."""
     n = memory.count
     if n < 2:
         return

@@ -32,7 +32,7 @@ _MIRROR_TOLERANCE = 1e-12
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CutModel:
-    """Linear finite-element model of a specimen whose cut line is doubled and tied.
+    """Linear finite-element model of a specimen with a doubled cut line.
 
     The specimen is clamped along the short edge where the cut starts (y = 0). The nodes on the cut line x = 0, by
     default the centre line, are doubled. Pairs ahead of the tip and at the tip are tied; pairs behind it slide along
@@ -168,12 +168,12 @@ class CutModel:
 
     @property
     def n_nodes(self) -> int:
-        """Number of nodes; both nodes of a pair and the clamped ones count, as in Table 4.3."""
+        """Number of nodes, including paired and clamped ones (Table 4.3)."""
         return len(self.nodes)
 
     @property
     def n_equations(self) -> int:
-        """Number of unknowns; clamped and tied ones count, as in Table 4.3, and pressures, if there are any."""
+        """Number of unknowns, including clamped, tied and pressures (Table 4.3)."""
         return self._mesh.n_unknowns
 
     @cached_property
@@ -195,12 +195,12 @@ class CutModel:
 
     @property
     def nodes(self) -> Array:
-        """Positions of the nodes [m], shape (n_nodes, dim): first the corners, then the mid-side nodes."""
+        """Nodes' positions [m], shape (n_nodes, dim): corners, then mid-side nodes."""
         return self._mesh.nodes
 
     @property
     def elements(self) -> Indices:
-        """Corner nodes of each element, shape (n_elements, 4), for bricks (n_elements, 8).
+        """Corner nodes of elements, shape (n_elements, 4), bricks (n_elements, 8).
 
         Counter-clockwise seen from +z; bricks list the lower face, then the upper one.
         """
@@ -208,22 +208,22 @@ class CutModel:
 
     @property
     def pairs(self) -> Indices:
-        """Facing nodes of the cut line, (left, right), from the clamp onward, shape (n_pairs, 2)."""
+        """Facing nodes, (left, right), from the clamp, shape (n_pairs, 2)."""
         return self._mesh.pairs
 
     @cached_property
     def element_centres(self) -> Array:
-        """Centres of the elements [m], shape (n_elements, dim), in the order of `relative_modulus`."""
+        """Elements' centres [m], shape (n_elements, dim), ordered as `relative_modulus`."""
         return read_only(self.nodes[self.elements].mean(axis=1))
 
     @cached_property
     def tips(self) -> Array:
-        """Cut lengths at which a tip stands on element corners [m], shape (n_tips,)."""
+        """Cut lengths with the tip on element corners [m], shape (n_tips,)."""
         return read_only(np.linspace(0.0, self.length, self._divisions[ALONG] + 1)[1:].copy())
 
     @property
     def is_mirror_symmetric(self) -> bool:
-        """True if both sides of the cut line are mirror images."""
+        """True if the cut line's sides are mirror images."""
         if self.offset or self.earlier_cuts:
             return False
         if self.relative_modulus is None:
@@ -233,7 +233,7 @@ class CutModel:
 
     @property
     def unit_fields(self) -> Array:
-        """Displacement with the tip on each corner, times modulus and thickness, over force [1].
+        """Displacement with tips on corners, times modulus, thickness, over force [1].
 
         Shape (n_tips, n_nodes, dim).
         """
@@ -251,7 +251,7 @@ class CutModel:
     @overload
     def stiffness(self, cut_length: ArrayLike) -> float | Array: ...
     def stiffness(self, cut_length: ArrayLike) -> float | Array:
-        """Return the unit stiffness kappa [1]: blade force over displacement, modulus and thickness.
+        """Return stiffness kappa [1]: force over displacement, modulus and thickness.
 
         Computed where the tip stands on element corners and interpolated in between with shape-preserving cubics
         (PCHIP). Between the clamp and the first corner it is constant, because there is no tip.
@@ -271,7 +271,7 @@ class CutModel:
         return float(kappa) if a.ndim == 0 else kappa
 
     def displacement(self, cut_length: float, force: float, modulus: float, thickness: float) -> Array:
-        """Return the displacement of every node under a blade force [m], shape (n_nodes, dim).
+        """Return every node's displacement under a blade force [m], (n_nodes, dim).
 
         The tip moves by force / (kappa modulus thickness). Between two element corners the fields for a tip
         on either are blended linearly and scaled to that; the tip is then taken on the straight line between
@@ -307,7 +307,7 @@ class CutModel:
         modulus: float | None = None,
         thickness: float | None = None,
     ) -> Array:
-        """Return the displacement at any points [m], shape (n, dim), by the shape functions of their elements.
+        """Return the displacement at points [m], (n, dim), by shape functions.
 
         With the tip on element corners it is, at a node, that of `displacement`, and on a cut line that of the right
         face. Between corners these share the force: beyond the elements at the tip that is the displacement by the
@@ -350,7 +350,7 @@ class CutModel:
         return self._mesh.interpolated(load * self._interpolation.shared(a), places)
 
     def strain_energy_density(self, displacement: Array, modulus: float) -> Array:
-        """Return the mean strain energy per volume of each element [J/m3], shape (n_elements,).
+        """Return each element's mean strain energy density [J/m3], shape (n_elements,).
 
         They are in the order of `element_centres`. Summed over the elements times their volumes it is half the blade's
         force times the displacement of the tip, if the tip is on element corners.
@@ -378,7 +378,7 @@ class CutModel:
     @overload
     def convert_modulus(self, modulus: ArrayLike, to: CutModel, cut_length: ArrayLike) -> float | Array: ...
     def convert_modulus(self, modulus: ArrayLike, to: CutModel, cut_length: ArrayLike) -> float | Array:
-        """Convert a local effective modulus found with this model to another model (section 4.4.2).
+        """Convert a local effective modulus to another model (section 4.4.2).
 
         Both models then respond to the same force with the same displacement: modulus kappa_self / kappa_to.
 

@@ -36,7 +36,7 @@ _MODEL_THICKNESS = 0.01  # the finite-element specimen behind Table 5.5 is 1 cm 
 
 @dataclass(frozen=True, kw_only=True)
 class ModulusSpread:
-    """Coefficients of variation (SD over mean) of the LEM at three levels.
+    """Coefficients of variation (SD over mean) of the LEM.
 
     Attributes
     ----------
@@ -56,13 +56,13 @@ class ModulusSpread:
     between_liver_clipped: bool = False
 
     def __post_init__(self) -> None:
-        """Raise ValueError if a coefficient of variation is out of range."""
+        """Raise ValueError if a coefficient is out of range."""
         for name in ("between_liver_cv", "between_cut_cv", "within_cut_cv"):
             in_range(name, getattr(self, name), 0.0, 2.0, "1", "It is the SD over the mean, 0.2 for 20 %.")
 
 
 def modulus_spread(formulation: Formulation = "plane_stress") -> ModulusSpread:
-    """Return the spread of the LEM at 90 deg between livers, between cuts and within a cut.
+    """Return the LEM's spread between livers, between and within cuts.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def modulus_spread(formulation: Formulation = "plane_stress") -> ModulusSpread:
 
 
 def inclined_spread(formulation: Formulation = "plane_stress") -> float:
-    """Return the CV between cuts that an inclined blade shows beyond an upright one: 0.46 in plane stress.
+    """Return an inclined blade's extra CV between cuts: 0.46 (plane stress).
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def inclined_spread(formulation: Formulation = "plane_stress") -> float:
 
 
 def variance_components(groups: Array) -> tuple[float, float]:
-    """Return the variances between and within groups, by one-way random-effects analysis of variance.
+    """Return variances between and within groups, by one-way random-effects ANOVA.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def variance_components(groups: Array) -> tuple[float, float]:
 
 
 def mean_depth_of_cut(formulation: Formulation = "plane_stress") -> float:
-    """Return the mean depth of the measured cuts [m]: 1.43 cm in plane stress.
+    """Return the measured cuts' mean depth [m], 1.43 cm (plane stress).
 
     Parameters
     ----------
@@ -173,13 +173,13 @@ def mean_depth_of_cut(formulation: Formulation = "plane_stress") -> float:
 
 
 def depth_standard_error(formulation: Formulation = "plane_stress") -> float:
-    """Return the relative standard error of :func:`mean_depth_of_cut` [1], from the scatter of its thirteen pairs."""
+    """Return the relative standard error of :func:`mean_depth_of_cut`, from thirteen pairs."""
     logs = _log_depths(formulation)
     return float(logs.std(ddof=1) / math.sqrt(len(logs)))
 
 
 def _log_depths(formulation: Formulation) -> Array:
-    """Return the logarithm of the depth [m] from each pair of Tables 5.5 and 5.6."""
+    """Return log depth [m] per pair of Tables 5.5 and 5.6."""
     one_of("formulation", formulation, ("plane_stress", "plane_strain"))
     columns = [f"lem_{formulation}_{angle}_deg_Pa" for angle in (90, 45)]
     ratios = np.concatenate([table("5.5")[column] / table("5.6")[column] for column in columns])
@@ -295,11 +295,11 @@ _INCLINED, _UPRIGHT = math.pi / 4, math.pi / 2
 
 @dataclass(frozen=True, kw_only=True)
 class TissueDescription:
-    """Mean values and spread of one kind of tissue, from which specimens are sampled; SI units.
+    """Means and spread of a kind of tissue, in SI units.
 
-    :func:`measured_liver` gives pig liver as measured; the defaults here are only approximate.  For a tissue of your
-    own, replace its fields.  :func:`cutenv.records.measurement.calibrate` makes one from records and stores in
-    ``calibration`` how each number was found.
+    Specimens are sampled from them.  :func:`measured_liver` gives pig liver as measured; the defaults here are only
+    approximate.  For a tissue of your own, replace its fields.  :func:`cutenv.records.measurement.calibrate` makes one
+    from records and stores in ``calibration`` how each number was found.
 
     ``modulus`` and its spread belong to the material.  The intercepts and slopes are local effective moduli: slope of
     a loading increment over kappa and depth, as measured in a cut.  In a slab that is not cut through they are higher
@@ -437,14 +437,14 @@ class TissueDescription:
 
     @property
     def nominal_friction_per_depth(self) -> float:
-        """Friction of the mean tissue on a moving blade over the depth of cut [N/m]."""
+        """Mean tissue's friction on a moving blade per depth [N/m]."""
         return self.friction_share * self.fracture_resistance
 
     def local_effective_modulus(self, speed: float, angle: float, inclined_ratio: float = 1.0) -> float:
-        """Return the LEM [Pa] of the mean tissue at a speed [m/s] and an angle [rad] from pi/4 to pi/2.
+        """Return mean LEM [Pa] at speed [m/s] and angle [rad].
 
-        Linear in the angle; below ``speed_min`` and above ``speed_max`` the value at that end of the range.  A
-        specimen's ``inclined_ratio`` [1] multiplies the LEM at pi/4.
+        The angle is from pi/4 to pi/2.  Linear in the angle; below ``speed_min`` and above ``speed_max`` the value at
+        that end of the range.  A specimen's ``inclined_ratio`` [1] multiplies the LEM at pi/4.
         """
         v = min(max(abs(speed), self.speed_min), self.speed_max)
         upright = self.intercept_90 + self.slope_90 * float(speed_on_line(v, self.falls_90))
@@ -456,7 +456,7 @@ class TissueDescription:
         return _cut_model(self.element, self.formulation, self.poisson)
 
     def slab(self) -> NDArray[Any]:
-        """Return the model data that give the stiffness along a specimen, see :mod:`cutenv.sim.tissue.slab`."""
+        """Return model data of a specimen's stiffness, see :mod:`cutenv.sim.tissue.slab`."""
         return slab_of(self.element, self.formulation, self.poisson)
 
     def to_json(self) -> str:
@@ -485,7 +485,7 @@ class TissueDescription:
 
 
 def checked_fields(text: str, schema: str, names: set[str], may_miss: Collection[str] = ()) -> dict[str, Any]:
-    """Return the fields of a JSON object of one schema; raise for unknown or missing fields, except ``may_miss``."""
+    """Return a schema's JSON fields; raise for unknown or missing ones."""
     try:
         content = json.loads(text)
     except json.JSONDecodeError as error:
@@ -517,7 +517,7 @@ def _cut_model(element: str, formulation: str, poisson: float) -> CutModel:
 
 
 def tables_only(**changes: Any) -> TissueDescription:
-    """Return pig liver from the tables alone, before anything derived by simulation; ``changes`` replace fields.
+    """Return pig liver from tables alone; ``changes`` replace fields.
 
     Its LEM falls linearly as in the thesis; :func:`following_means` gives the changes for the upright curve.
     """
@@ -546,9 +546,9 @@ def tables_only(**changes: Any) -> TissueDescription:
 
 
 def following_means() -> dict[str, Any]:
-    """Return fields of a tissue whose LEM at 90 degrees follows the means of Table 5.6, which no straight line does.
+    """Return fields whose LEM at 90 degrees follows Table 5.6's means.
 
-    At 45 degrees the line of the thesis passes all means within two standard errors.
+    No straight line does.  At 45 degrees the line of the thesis passes all means within two standard errors.
     """
     start, slope, steps = falls("5.6", angle_deg=90)
     return {"intercept_90": start, "slope_90": slope, "falls_90": steps}
@@ -566,7 +566,7 @@ FITTED = (
 
 @lru_cache(maxsize=1)
 def measured_liver() -> TissueDescription:
-    """Return pig liver as measured: values from the tables, the rest from the derivations in ``assets/derived``."""
+    """Return measured pig liver: table values, and derivations in ``assets/derived``."""
     derived = {name: derived_value(name) for name in ("eta90", *FITTED)}
     return tables_only(**following_means(), **derived)
 

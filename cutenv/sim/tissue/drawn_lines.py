@@ -97,7 +97,7 @@ class DrawnLines(NamedTuple):
 
 
 def line_record(line: CutLine, found: TipStiffness, base: TipStiffness) -> StructArray:
-    """Return a line as a :data:`LINE` array, shape (1,), of the stiffness along it and along a straight one."""
+    """Return a line's :data:`LINE` record with curved and straight stiffness."""
     record = np.zeros(1, LINE)
     record["within"] = length_within(line)
     record["x_excess"], record["y"] = line.x - np.arange(N_POINTS) * SPACING, line.y
@@ -109,7 +109,7 @@ def line_record(line: CutLine, found: TipStiffness, base: TipStiffness) -> Struc
 
 
 def given_line(line: CutLine, element: str, formulation: str, poisson: float) -> DrawnLines:
-    """Return a single line with its record; the model along it is solved."""
+    """Return a line with its record, solving the model along it."""
     from cutenv.sim.tissue.path_model import straight_stiffness
 
     plane = element, formulation, poisson
@@ -118,7 +118,7 @@ def given_line(line: CutLine, element: str, formulation: str, poisson: float) ->
 
 
 def length_of_bends(line: CutLine) -> float:
-    """Return the length of a line up to where it is straight for good [m]."""
+    """Return the length from which a line is straight [m]."""
     return float(SPACING * np.flatnonzero(line.curvature)[-1])
 
 
@@ -130,7 +130,7 @@ def _solved(line: CutLine, plane: tuple[str, str, float]) -> TipStiffness:
 
 @lru_cache(maxsize=2)
 def drawn_lines(element: str, formulation: str, poisson: float) -> DrawnLines:
-    """Return all drawn lines: the straight one, then those of each kind in order.
+    """Return all drawn lines: the straight one, then by kind.
 
     Another model than :data:`STORED` is solved for every line, which takes some ten seconds.
     """
@@ -152,17 +152,17 @@ def drawn_lines(element: str, formulation: str, poisson: float) -> DrawnLines:
 
 
 def first_number(kind: int) -> int:
-    """Return the number of the first line of a kind, 1 or more, among all that are drawn."""
+    """Return the first number, at least 1, of a kind's lines."""
     return 1 + OF_A_KIND * (kind - 1)
 
 
 def kind_of(number: int) -> str:
-    """Return the kind of the line with this number among all that are drawn."""
+    """Return the kind of the line numbered ``number``."""
     return KINDS[0] if number == 0 else KINDS[1 + (number - 1) // OF_A_KIND]
 
 
 def first_of_pair(kind: int, number: int, seed: int = _SEED) -> CutLine:
-    """Draw one line of a kind, 1 to 5, with its bends and its place within the limits; ``number`` is even.
+    """Draw the first line of an even-numbered pair of a kind.
 
     Another ``seed`` draws lines that no task has.
     """
@@ -193,7 +193,7 @@ def _drawn(kind: str, rng: np.random.Generator) -> CutLine:
 
 
 def solved_stiffness() -> list[dict[str, Any]]:
-    """Solve the stored model along a straight line, and along the first line of every pair.
+    """Solve the stored model for the straight and each first line.
 
     Each has its kind, number, tips [m] and stiffness [1].
     """
@@ -210,7 +210,7 @@ def solved_stiffness() -> list[dict[str, Any]]:
 
 @lru_cache(maxsize=1)
 def stored_stiffness() -> dict[tuple[int, int], tuple[Array, Array]]:
-    """Return what is stored by kind and number: tips [m], shape (n,), and stiffness there [1], shape (n, 2, 2)."""
+    """Return stored tips [m], (n,), and stiffness [1], (n, 2, 2)."""
     content = json.loads(resources.path(f"{FOLDER}/{_FILE}").read_text())
     found = {}
     for one in content["lines"]:
@@ -245,7 +245,7 @@ _CHUNK = 2000  # readings whose distances to all points of a line are held at on
 
 
 def along_line(line: CutLine, x: Array, y: Array) -> tuple[Array, Array]:
-    """Return lengths along a line and distances to its left of the places nearest to (x, y), all [m], shape (n,)."""
+    """Return arc lengths and leftward distances of points [m], shape (n,)."""
     nearest = np.concatenate(
         [
             np.argmin((x[i : i + _CHUNK, None] - line.x) ** 2 + (y[i : i + _CHUNK, None] - line.y) ** 2, axis=1)
@@ -262,7 +262,7 @@ def along_line(line: CutLine, x: Array, y: Array) -> tuple[Array, Array]:
 
 
 def expected_cut(line: CutLine, x: Array, y: Array, tip: Array, tissue: TissueDescription) -> Array:
-    """Return the distance of the cut to the left of its line that mean tissue would have, from clamp to tip [m].
+    """Return the distance of mean tissue's cut left of its line [m].
 
     The crack turns toward the force, as the law in the plane has it; stiffness is that of a uniform slab.
 

@@ -34,7 +34,7 @@ MOST = 3
 
 
 def checked_falls(name: str, given: Iterable[Iterable[float]]) -> Falls:
-    """Return the steps as a tuple, also from lists read from a file; raise ValueError, naming the field, if invalid."""
+    """Return the steps as a tuple; raise ValueError if invalid."""
     shape = f"{name}: give up to {MOST} steps (share, from [m/s], to [m/s]) whose shares sum to 1, or () for a line."
     try:
         falls = tuple((float(share), float(start), float(end)) for share, start, end in given)
@@ -50,12 +50,15 @@ def checked_falls(name: str, given: Iterable[Iterable[float]]) -> Falls:
 
 
 def end_of_fall(falls: Falls) -> float:
-    """Return the speed [m/s] at which the last step ends; a line of the same mean slope has fallen as far there."""
+    """Return the speed [m/s] at which the last step ends."""
     return max(end for *_, end in falls)
 
 
 def speed_on_line(speed: ArrayLike, falls: Falls) -> Array:
-    """Return the speed [m/s] at which a line of the same mean slope has fallen as far; ``speed`` if no steps."""
+    """Return the speed [m/s] of an equal fall on a line.
+
+    The line has the same mean slope; without steps it is ``speed``.
+    """
     v = np.asarray(speed, np.float64)
     if not falls:
         return v
@@ -95,14 +98,14 @@ class SpeedFit:
     source: str
 
     def __post_init__(self) -> None:
-        """Raise ValueError unless the modulus is positive over the whole range of speed."""
+        """Raise ValueError unless the modulus is positive at every speed."""
         _check_range(self.speed_min, self.speed_max)
         in_range("intercept", self.intercept, 1e-3, 1e9, "Pa", "A modulus is positive.")
         in_range("slope", self.slope, -1e12, 1e12, "Pa s/m")
         in_range("modulus at speed_max", self.intercept + self.slope * self.speed_max, 1e-3, 1e9, "Pa", self.source)
 
     def modulus(self, speed: ArrayLike) -> Array:
-        """Return the LEM [Pa] at ``speed`` [m/s], 0 to 0.1, any shape; clamped to the measured range of speed."""
+        """Return the LEM [Pa] at ``speed`` [m/s], clamped to measured speeds."""
         v = np.clip(checked_speed(speed), self.speed_min, self.speed_max)
         return np.asarray(self.intercept + self.slope * v)
 
@@ -140,14 +143,14 @@ class PowerFit:
         in_range("reference_speed", self.reference_speed, 1e-6, 1.0, "m/s")
 
     def modulus(self, speed: ArrayLike) -> Array:
-        """Return the LEM [Pa] at ``speed`` [m/s], 0 to 0.1, any shape; clamped to the measured range of speed."""
+        """Return the LEM [Pa] at ``speed`` [m/s], clamped to measured speeds."""
         v = np.clip(checked_speed(speed), self.speed_min, self.speed_max)
         return np.asarray(self.modulus_at_reference * (v / self.reference_speed) ** self.exponent)
 
 
 @functools.cache
 def linear_fit(number: str, *, angle_deg: float = 90, formulation: Formulation = "plane_stress") -> SpeedFit:
-    """Fit LEM = intercept + slope v to one column of Table 5.5, 5.6 or 5.7 by least squares.
+    """Fit a line to Table 5.5, 5.6 or 5.7 by least squares.
 
     Parameters
     ----------
@@ -187,7 +190,7 @@ def linear_fit(number: str, *, angle_deg: float = 90, formulation: Formulation =
 
 
 def _isotonic(values: Array) -> Array:
-    """Return the non-increasing numbers nearest to a few, by the min-max formula: SciPy's take long to import."""
+    """Return the nearest non-increasing numbers by the min-max formula."""
     n = range(len(values))
     return np.array([min(max(values[j : k + 1].mean() for k in n[i:]) for j in n[: i + 1]) for i in n])
 
@@ -196,7 +199,7 @@ def _isotonic(values: Array) -> Array:
 def falls(
     number: str, *, angle_deg: float = 90, formulation: Formulation = "plane_stress"
 ) -> tuple[float, float, Falls]:
-    """Fit a non-increasing curve to one column of Table 5.5, 5.6 or 5.7 by isotonic regression.
+    """Fit a non-increasing (isotonic) curve to Table 5.5, 5.6 or 5.7.
 
     Parameters
     ----------
@@ -230,7 +233,7 @@ def falls(
 
 @functools.cache
 def power_fit(*, formulation: Formulation = "plane_stress") -> PowerFit:
-    """Fit the power law of Table 5.5 at 45 deg (equations 5.3 and 5.4) by least squares of the logarithms.
+    """Fit Table 5.5's power law (equations 5.3, 5.4) by logarithmic regression.
 
     Parameters
     ----------
@@ -260,10 +263,10 @@ def power_fit(*, formulation: Formulation = "plane_stress") -> PowerFit:
 
 
 def quasi_static_modulus() -> float:
-    """Return E0 [Pa] of the thesis's line, its LEM for v -> 0 at 90 deg: 48.4 kPa (Table 5.6, equation 5.5).
+    """Return E0 [Pa], the LEM for v -> 0 at 90 deg.
 
-    ``measured_liver`` follows the means instead, which begin at 51 kPa.  E0 is not the modulus of the material, which
-    is lower: see ``TissueDescription.modulus``.
+    It is 48.4 kPa on the thesis's line (Table 5.6, equation 5.5).  ``measured_liver`` follows the means instead, which
+    begin at 51 kPa.  E0 is not the modulus of the material, which is lower: see ``TissueDescription.modulus``.
     """
     return linear_fit("5.6", angle_deg=90, formulation="plane_stress").intercept
 
@@ -291,7 +294,7 @@ def local_effective_modulus(
     poisson: float = 0.3,
     depth_normalised: bool = True,
 ) -> float | Array:
-    """Return the mean local effective modulus of pig liver at a speed and an angle of the blade.
+    """Return pig liver's mean local effective modulus by speed and angle.
 
     Parameters
     ----------
@@ -359,7 +362,7 @@ def _table_number(poisson: float, depth_normalised: bool) -> str:
 
 
 def _measured(number: str, angle_deg: float, formulation: Formulation) -> tuple[Array, Array, str]:
-    """Return the speeds [m/s] with a value, the mean LEM [Pa] at each, and their source."""
+    """Return speeds [m/s], mean LEM [Pa] at each, and source."""
     one_of("formulation", formulation, _FORMULATIONS)
     angle = one_of("angle_deg", angle_deg, (90, 45))
     data = table(number)
@@ -372,7 +375,7 @@ def _measured(number: str, angle_deg: float, formulation: Formulation) -> tuple[
 
 
 def checked_angle(angle: ArrayLike) -> Array:
-    """Return angles [rad] as an array; raise outside the measured range, or if they look like degrees."""
+    """Return angles [rad]; raise outside the measured range, or for degrees."""
     return array_in_range(
         "angle",
         angle,
@@ -384,7 +387,7 @@ def checked_angle(angle: ArrayLike) -> Array:
 
 
 def checked_speed(speed: ArrayLike) -> Array:
-    """Return speeds [m/s] as an array; raise if negative, not finite, or as large as a speed in cm/s."""
+    """Return speeds [m/s]; raise if negative, not finite, or in cm/s."""
     cure = "Give the magnitude in m/s: 2.54 looks like cm/s, which is 0.0254 m/s."
     return array_in_range("speed", speed, 0.0, _LARGEST_SPEED, "m/s", cure)
 

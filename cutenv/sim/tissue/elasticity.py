@@ -57,7 +57,7 @@ POISSON_CURE = f'Take {LARGEST_POISSON} for an incompressible tissue, or element
 
 
 def lame_parameters(formulation: str, poisson: float) -> tuple[float, float]:
-    """Return the Lame parameters of a material with unit Young's modulus.
+    """Return the Lame parameters at unit Young's modulus.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def elastic_form(formulation: str, poisson: float, modulus: Array) -> BilinearFo
 
 
 def solid_stiffness(basis: Basis, poisson: float, modulus: Array) -> csr_array[np.float64]:
-    """Assemble the stiffness of a solid from products of derivatives of its scalar shape functions.
+    """Assemble a solid's stiffness from derivatives of scalar shape functions.
 
     The same matrix as from :func:`elastic_form`, to rounding; for bricks of 60 vector functions fifty times as fast,
     because only the pairs of their 20 scalar ones are integrated.
@@ -143,7 +143,7 @@ def solid_stiffness(basis: Basis, poisson: float, modulus: Array) -> csr_array[n
 
 
 def strain_energy_density(basis: Basis, displacement: Array, formulation: str, poisson: float) -> Array:
-    """Return the mean strain energy per volume of each element at unit modulus, shape (n_elements,) [1].
+    """Return each element's strain energy density at unit modulus, (n_elements,) [1].
 
     Parameters
     ----------
@@ -192,7 +192,7 @@ def mixed_stiffness(basis: Basis, pressure: Basis, poisson: float, modulus: Arra
 def mixed_strain_energy_density(
     basis: Basis, pressure: Basis, displacement: Array, poisson: float, modulus: Array
 ) -> Array:
-    """Return the mean strain energy per volume of each element, shape (n_elements,) [1], pressure included.
+    """Return strain energy density including pressure, by element, (n_elements,) [1].
 
     The arguments are those of :func:`mixed_stiffness`, and the displacement of shape (n_unknowns,) [m].
     """
@@ -233,7 +233,7 @@ _QUADRATURE_DEGREE = 5  # 3 x 3 Gauss points, as in the model of a straight cut;
 
 
 def element_stiffness(positions: Array, lam: float, mu: float) -> Array:
-    """Return the stiffness of 8-node quadrilaterals or 6-node triangles at unit thickness.
+    """Return 8-node quadrilaterals' or 6-node triangles' stiffness at unit thickness.
 
     Parameters
     ----------
@@ -262,7 +262,7 @@ def element_stiffness(positions: Array, lam: float, mu: float) -> Array:
 
 @lru_cache(maxsize=2)
 def _shapes(nodes: int) -> tuple[Array, Array]:
-    """Return the slopes of the shape functions at the Gauss points, (n_points, m, 2), and the weights, (n_points,)."""
+    """Return Gauss-point shape slopes, (n_points, m, 2), and weights, (n_points,)."""
     element: Element = ElementQuadS2() if nodes == 8 else ElementTriP2()
     points, weights = get_quadrature(element, _QUADRATURE_DEGREE)
     slopes = np.stack([element.lbasis(points, k)[1] for k in range(nodes)])  # (m, 2, n_points)
@@ -276,7 +276,7 @@ def local_compliance(
     lam: float,
     mu: float,
 ) -> Array:
-    """Return the displacement of a node per force on it at unit modulus and thickness, shape (2, 2).
+    """Return a node's displacement per force on it, shape (2, 2).
 
     Parameters
     ----------
@@ -318,7 +318,7 @@ def local_compliance(
 
 @lru_cache(maxsize=16)
 def square_compliance(size: float, lam: float, mu: float) -> float:
-    """Return the local compliance of 8-node squares of a size [m] along and across; they have no other."""
+    """Return 8-node squares' local compliance along and across; coupling is zero."""
     steps = [(a, b) for a in range(-2, 2) for b in range(-2, 2)]
     quad = ((0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1))
     elements = [[(2 * a + i, 2 * b + j) for i, j in quad] for a, b in steps]
@@ -330,7 +330,7 @@ def _unknowns(nodes: Indices) -> Indices:
 
 
 def _border(elements: Sequence[Sequence[Hashable]]) -> set[Hashable]:
-    """Return the nodes on edges that belong to one element only."""
+    """Return nodes on edges of only one element."""
     edges: Counter[frozenset[Hashable]] = Counter()
     middles: dict[frozenset[Hashable], Hashable] = {}
     for nodes in elements:
@@ -344,7 +344,10 @@ def _border(elements: Sequence[Sequence[Hashable]]) -> set[Hashable]:
 
 
 def _kelvin(gaps: Array, lam: float, mu: float) -> Array:
-    """Return the displacement of the plane at gaps from a unit force [m], shape (n, 2, 2), but for a translation."""
+    """Return the displacement under a unit force [m], (n, 2, 2).
+
+    ``gaps`` are the offsets from the force; a translation remains undetermined.
+    """
     nu = lam / (2.0 * (lam + mu))  # of plane strain
     square = (gaps**2).sum(axis=1)[:, np.newaxis, np.newaxis]
     both = gaps[:, :, np.newaxis] * gaps[:, np.newaxis, :] / square

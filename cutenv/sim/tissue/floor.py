@@ -30,7 +30,7 @@ _MOST_STEPS, _NEAR = 60, 0.05  # of the search for the depth by which the floor 
 
 @njit_internal
 def press(descent: Struct, at: float, a: float, slip: float) -> tuple[float, float, float, float, float, float]:
-    """Press the edge, whose leading end is ``at`` [m], on the floor; it deepens the cut where its force suffices.
+    """Press the edge at ``at`` [m] on the floor; deepen the cut.
 
     Returns the energy [J] in the bed before the floor gives way, what of it is then released, the fracture energy, the
     part of it that slicing spends, and force [N] and stiffness [N/m] of the bed afterwards.
@@ -67,7 +67,7 @@ def press(descent: Struct, at: float, a: float, slip: float) -> tuple[float, flo
 
 @njit_inline
 def given_way(p: float, most: float, slip: float) -> float:
-    """Return by how much a floor gives way that is pressed to a depth ``p`` [m].
+    """Return how far a floor pressed to ``p`` [m] gives way.
 
     ``most`` [m] is where force alone cuts, R over the bed's stiffness, and ``slip`` [m] the length by which the edge is
     drawn.  The sinking d leaves u = p - d and solves u (1 + xi^2) = most with xi = slip/d; Newton's method comes down
@@ -114,7 +114,7 @@ FLOOR_RECORD: np.dtype[Any] = np.dtype(
 
 @njit_internal
 def follow_floor(floor: Struct, position: float, tip: float) -> None:
-    """Let an expected floor respond to the motion of blade and tip [m] since it last did."""
+    """Update the expected floor for new positions of blade and tip [m]."""
     cell = min(int(tip * POINTS_PER_METRE + 0.5), N_POINTS - 1)
     for i in range(floor.cell + 1, cell + 1):
         floor.floor[i] = max(floor.engaged, floor.surface[i] - floor.thickness)
@@ -134,7 +134,7 @@ def _follow(floors: StructArray, positions: Array, heights: Array, tips: Array, 
 
 
 class BladePath(NamedTuple):
-    """Position and height of a blade, and crack tip, every :data:`FLOOR_EVERY`, each of shape (n,) [m]."""
+    """Blade position, height and tip every :data:`FLOOR_EVERY`, each (n,) [m]."""
 
     positions: Array
     heights: Array
@@ -144,7 +144,7 @@ class BladePath(NamedTuple):
 def expected_floor(
     tissue: TissueDescription, surface: Array, path: BladePath, *, layers: Layers | None = None
 ) -> tuple[Array, Array]:
-    """Return the floor that a tissue would have under a blade that moved in this way.
+    """Return the floor expected in a tissue under a blade's path.
 
     Parameters
     ----------

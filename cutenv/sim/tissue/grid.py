@@ -33,7 +33,7 @@ def depth_below(depth: Array, position: float) -> float: ...
 @overload
 def depth_below(depth: Array, position: Array) -> Array: ...
 def depth_below(depth: Array, position: float | Array) -> float | Array:
-    """Return the depth of cut [m] at positions from the clamp [m], of their shape; `depth` is given every 0.5 mm."""
+    """Return depth of cut [m] at positions [m], from 0.5 mm steps."""
     return np.interp(position, np.arange(len(depth)) * SPACING, depth)
 
 
@@ -42,7 +42,7 @@ _FALL = 0.01  # length of the fall at the free end [m]: not even the blade reach
 
 
 def bulge(y: ArrayLike, *, edge: float, crown: float, rise_length: float, length: float) -> Array:
-    """Return the depth of cut B [m] at distances ``y`` [m] from the clamp, any shape.
+    """Return depth of cut B [m] at ``y`` [m] from the clamp.
 
     A straight rise from the edge, saturating at the crown, and a short fall toward the free end::
 
@@ -73,7 +73,7 @@ _REACH = 4  # correlation lengths beyond which a knot's weight is below 2e-7
 
 @lru_cache(maxsize=16)
 def field_modes(n_points: int, spacing: float, correlation_length: float) -> Array:
-    """Return the modes of a Gaussian field, shape (n_modes, n_points): z @ modes has unit variance for normal z.
+    """Return a Gaussian field's modes, (n_modes, n_points), of unit variance.
 
     The covariance is exp(-d^2 / (2 correlation_length^2)).  Each mode is the weight exp(-d^2 / correlation_length^2) of
     one number of white noise, every half correlation length; cached, so that sampling is one small product.
@@ -96,5 +96,5 @@ def field_modes(n_points: int, spacing: float, correlation_length: float) -> Arr
 
 
 def lognormal_sigma(cv: float) -> float:
-    """Return the standard deviation of the logarithm of a lognormal number with coefficient of variation ``cv``."""
+    """Return sigma of a lognormal number with coefficient of variation ``cv``."""
     return math.sqrt(log(1.0 + cv * cv))

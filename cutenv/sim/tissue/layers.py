@@ -15,7 +15,7 @@ from cutenv._engine.jit import njit_inline
 
 @dataclass(frozen=True, kw_only=True)
 class Layers:
-    """Toughness and modulus of the layers relative to the tissue that was measured; all assumed.
+    """Toughness and modulus of layers relative to measured tissue (assumed).
 
     The default is one tissue throughout.  Published resistances to a blade, in J/m2: liver 187 to 225, lamina propria
     169 to 451, aorta 290, muscle 550 to 8000, chicken skin 2800, porcine skin 1136 to 20400: a layer's toughness is not
@@ -59,7 +59,7 @@ LAYER_REACH = 0.0011
 
 @njit_inline
 def toughness_within(layers: Struct, depth: float) -> float:
-    """Return the toughness at ``depth`` [m] below the surface, over that of the tissue [1]."""
+    """Return the relative toughness [1] at ``depth`` [m] below the surface."""
     if depth < layers.capsule_thickness:
         return layers.capsule_toughness  # type: ignore[no-any-return]
     if depth > layers.boundary:
@@ -69,7 +69,7 @@ def toughness_within(layers: Struct, depth: float) -> float:
 
 @njit_inline
 def summed_toughness(layers: Struct, depth: float) -> float:
-    """Return the integral of the toughness from the surface to ``depth`` [m], over the tissue's [m].
+    """Return relative toughness integrated from the surface to ``depth`` [m].
 
     It is exactly ``depth`` where the layers are alike.
     """
@@ -80,12 +80,13 @@ def summed_toughness(layers: Struct, depth: float) -> float:
 
 @njit_inline
 def layered_depth(layers: Struct, depth: float, effective: float) -> float:
-    """Return the effective depth [m] of a slab in layers, from that of a uniform one, T g [m].
+    """Return a layered slab's effective depth [m], from a uniform one's.
 
-    The blade engages each layer down to ``depth`` [m] in proportion to its modulus.  The rest, T g - D, is what the
-    tissue at and below its lower end adds.  Its modulus is a mean of the layers there: each weighs as it is near, by
-    the function 1/(1 + z/r) of the length z below the blade, and the mean is that of the fourth roots, as stiff tissue
-    behind soft tissue adds less than in proportion.  It is exactly ``effective`` where the layers are alike.
+    That is T g [m].  The blade engages each layer down to ``depth`` [m] in proportion to its modulus.  The rest, T g -
+    D, is what the tissue at and below its lower end adds.  Its modulus is a mean of the layers there: each weighs as it
+    is near, by the function 1/(1 + z/r) of the length z below the blade, and the mean is that of the fourth roots, as
+    stiff tissue behind soft tissue adds less than in proportion.  It is exactly ``effective`` where the layers are
+    alike.
     """
     return layered_depth_by(layers, depth, effective, LAYER_REACH)
 

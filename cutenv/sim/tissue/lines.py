@@ -35,7 +35,7 @@ Pair: TypeAlias = tuple[Array, Array] | Array
 
 
 class CutLine(NamedTuple):
-    """A drawn line, at points every 0.5 mm of its length.
+    """Drawn line, at points every 0.5 mm of its length.
 
     Each part has shape (301,).
 
@@ -58,7 +58,7 @@ def straight() -> CutLine:
 
 
 def arc(radius: float, *, start: float = 0.0, turn: float = math.pi / 4.0) -> CutLine:
-    """Return a line that leaves the clamp at right angles, and bends along an arc.
+    """Return a line bent along an arc, square to the clamp.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def mirrored(line: CutLine) -> CutLine:
 
 
 def s_shape(radius: float, length: float = 0.1) -> CutLine:
-    """Return a line that bends to the left, then as far to the right, and ends parallel to the axis of the slab.
+    """Return an S-shaped line that ends parallel to the slab's axis.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def s_shape(radius: float, length: float = 0.1) -> CutLine:
 
 
 def half_ellipse(length: float = 0.08, height: float = 0.015, end_angle: float | None = None) -> CutLine:
-    """Return one side of an elliptical excision: out from the axis of the slab and back to it.
+    """Return one side of an elliptical excision, from axis to axis.
 
     Parameters
     ----------
@@ -140,7 +140,10 @@ def half_ellipse(length: float = 0.08, height: float = 0.015, end_angle: float |
 
 
 def random_line(rng: np.random.Generator, largest_curvature: float = 30.0, least_length: float = 0.1) -> CutLine:
-    """Draw a smooth line, two waves of curvature [1/m], of which ``least_length`` [m] lies within the slab."""
+    """Draw a smooth line with ``least_length`` [m] in the slab.
+
+    It has two waves of curvature [1/m].
+    """
     largest_curvature = in_range("largest_curvature", largest_curvature, 0.0, LARGEST_CURVATURE, "1/m", _BEND_CURE)
     s = np.arange(N_POINTS) * SPACING
     while True:
@@ -155,9 +158,9 @@ def random_line(rng: np.random.Generator, largest_curvature: float = 30.0, least
 
 
 def bent(curvature: ArrayLike) -> CutLine:
-    """Return the line that leaves the clamp at right angles, with a curvature [1/m] at its 301 points.
+    """Return the line of a given curvature [1/m], square to the clamp.
 
-    It may leave the slab, see :func:`length_within`.
+    The curvature is at its 301 points.  It may leave the slab, see :func:`length_within`.
 
     Raises
     ------
@@ -183,13 +186,13 @@ def bent(curvature: ArrayLike) -> CutLine:
 
 
 def length_within(line: CutLine) -> float:
-    """Return the length of a line up to where it leaves the slab [m]."""
+    """Return a line's length within the slab [m]."""
     outside = (line.x > LENGTH) | (abs(line.y) > WIDTH / 2.0 - SIDE_MARGIN + _ROUNDING)
     return float(SPACING * (np.argmax(outside) - 1 if outside.any() else N_POINTS - 1))
 
 
 def places_within(line: CutLine) -> Array:
-    """Return places of a line every 2.5 mm within the slab [m], shape (n, 2), through which it can be drawn again."""
+    """Return places every 2.5 mm within the slab [m], (n, 2)."""
     last = round(length_within(line) / SPACING)
     return np.column_stack((line.x, line.y))[: last + 1 : 5]
 
@@ -229,7 +232,7 @@ def through(points: ArrayLike) -> CutLine:
 
 
 def _laid(place: Pair, rates: Pair, second_rates: Pair, at: Array) -> CutLine:
-    """Return a curve as a line, from its places, and first and second derivatives, ``at`` values of a parameter."""
+    """Return a parametric curve as a line, from places and derivatives."""
     (x, y), (d_x, d_y), (dd_x, dd_y) = place, rates, second_rates
     speed = np.sqrt(d_x * d_x + d_y * d_y)
     forward = d_x > 0.0
@@ -280,5 +283,5 @@ def _fault(line: CutLine, limits: tuple[tuple[NDArray[np.bool_], str, str], ...]
 
 
 def _integral(values: Array, places: Array) -> Array:
-    """Return the integral of values from the first place to each, by the trapezoidal rule."""
+    """Return the cumulative integral of values by the trapezoidal rule."""
     return np.append(0.0, np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(places)))

@@ -57,7 +57,7 @@ class ElementKind:
         return len(self.divisions)
 
     def reduced(self) -> ElementKind:
-        """Return the same element with 2 x 2 or 2 x 2 x 2 Gauss points.
+        """Return the element with two Gauss points per axis.
 
         Raises
         ------
@@ -81,7 +81,7 @@ ELEMENT_KINDS = {
 
 
 def checked_divisions(element: str, divisions: Sequence[int] | None) -> tuple[int, ...]:
-    """Return the divisions of a mesh; by default those of the thesis.
+    """Return a mesh's divisions, by default the thesis's.
 
     Raises
     ------
@@ -143,12 +143,12 @@ class CutMesh:
 
     @property
     def line(self) -> int:
-        """Number of elements across from the edge at -x to the cut line."""
+        """Number of elements from the edge at -x to the cut."""
         return self.divisions[ACROSS] // 2 + self.shift
 
     @property
     def _lines(self) -> list[int]:
-        """Numbers of elements across from the edge at -x to each line of doubled nodes."""
+        """Numbers of elements from the -x edge to each doubled line."""
         return sorted([self.line, *(self.line + beside for beside, _ in self.earlier)])
 
     @cached_property
@@ -177,7 +177,7 @@ class CutMesh:
 
     @cached_property
     def skfem_mesh(self) -> MeshQuad | MeshHex:
-        """Equivalent scikit-fem mesh; the doubled corners double the edges along the line as well."""
+        """Equivalent scikit-fem mesh, with edges along the line doubled."""
         if self.dim == 2:
             return MeshQuad(np.ascontiguousarray(self.corners.T), np.ascontiguousarray(self.elements.T))
         # scikit-fem numbers a brick's corners as those of its unit mesh.
@@ -186,13 +186,13 @@ class CutMesh:
 
     @cached_property
     def basis(self) -> Basis:
-        """scikit-fem's basis of vector elements with the Gauss integration of the kind."""
+        """scikit-fem basis of vector elements with the kind's Gauss integration."""
         element = ElementVector(self.kind.element())
         return Basis(self.skfem_mesh, element, intorder=self.kind.quadrature_degree)
 
     @cached_property
     def pressure_basis(self) -> Basis:
-        """scikit-fem's basis of the pressure of a mixed element: continuous, bilinear, one unknown per corner."""
+        """scikit-fem basis of continuous bilinear pressure for a mixed element."""
         return self.basis.with_element(ElementQuad1())
 
     @property
@@ -210,7 +210,7 @@ class CutMesh:
         return read_only(np.vstack([self.corners, self.corners[edges].mean(axis=0)]))
 
     def interpolated(self, field: Array, points: Array) -> Array:
-        """Return a field of the nodes, shape (n_nodes, n), at points inside [m], shape (n_points, dim).
+        """Interpolate nodal values, (n_nodes, n), at points [m], (n_points, dim).
 
         A point on a line of doubled nodes belongs to the right face.
         """
@@ -228,22 +228,22 @@ class CutMesh:
 
     @cached_property
     def element_nodes(self) -> Indices:
-        """Nodes of each element in the order of its shape functions, shape (n_local, n_elements)."""
+        """Elements' nodes in shape function order, shape (n_local, n_elements)."""
         return read_only(self.basis.element_dofs[:: self.dim] // self.dim)
 
     @cached_property
     def half_steps(self) -> Indices:
-        """Positions of all nodes counted in half elements along each axis, shape (n_nodes, dim)."""
+        """Nodes' positions in half elements, shape (n_nodes, dim)."""
         step = np.array(self.size) / np.array(self.divisions) / 2
         return read_only(np.rint(self.nodes / step).astype(np.int64))
 
     @cached_property
     def pairs(self) -> Indices:
-        """Nodes that face each other, (left, right), from the clamp to the free end, shape (n_pairs, 2)."""
+        """Facing nodes, (left, right), from clamp to free end, (n_pairs, 2)."""
         return self._pairs_beside(0)
 
     def _pairs_beside(self, beside: int) -> Indices:
-        """Return the facing nodes of the line so many elements beside the cut line, as in `pairs`."""
+        """Return the facing nodes of a parallel line, as in `pairs`."""
         on_line = np.flatnonzero(self.half_steps[:, ACROSS] == 2 * beside)
         from_the_clamp = on_line[np.lexsort(self.half_steps[on_line, ALONG:].T[::-1])]
         # Elements are numbered from -x to +x: those on the left come first.
@@ -253,13 +253,13 @@ class CutMesh:
 
     @cached_property
     def _pair_half_steps(self) -> Indices:
-        """Position of each pair along the line in half elements, shape (n_pairs,)."""
+        """Pairs' positions along the line in half elements, shape (n_pairs,)."""
         along: Indices = self.half_steps[self.pairs[:, 0], ALONG]
         return along
 
     @cached_property
     def tip_pairs(self) -> Indices:
-        """Pairs at each tip, (left, right), through the thickness, shape (n_tips, n_through, 2).
+        """Pairs at each tip, (left, right), shape (n_tips, n_through, 2).
 
         A tip stands on the corners of the elements. In 3-D the mid-side nodes between these corners through
         the thickness belong to it as well.
@@ -270,7 +270,7 @@ class CutMesh:
 
     @cached_property
     def slips(self) -> csr_array[np.float64]:
-        """Motion of every unknown per unit slip of each pair, shape (n_unknowns, n_slips).
+        """Unknowns' motion per unit slip of pairs, shape (n_unknowns, n_slips).
 
         Pairs from the clamp (without it) to the last tip (without it). A slip moves the right face along +y by half
         of it and the left one along -y by half, so that on a mirror-symmetric specimen it does not couple to the
@@ -284,19 +284,19 @@ class CutMesh:
 
     @cached_property
     def slips_behind(self) -> NDArray[np.bool_]:
-        """Mask of the slips that each tip frees: those strictly behind it, shape (n_slips, n_tips)."""
+        """Mask of slips strictly behind each tip, shape (n_slips, n_tips)."""
         tips = np.arange(1, self.divisions[ALONG] + 1)
         behind: NDArray[np.bool_] = self._pair_half_steps[self._may_slip, np.newaxis] < 2 * tips
         return read_only(behind)
 
     @cached_property
     def _may_slip(self) -> NDArray[np.bool_]:
-        """Mask of the pairs between the clamp and the free end, shape (n_pairs,)."""
+        """Mask of pairs between clamp and free end, shape (n_pairs,)."""
         along = self._pair_half_steps
         return (along > 0) & (along < 2 * self.divisions[ALONG])
 
     def constraints(self, tip: int = -1) -> csr_array[np.float64]:
-        """Return the motion of every unknown per unit of each free one: clamp, tied pairs, slipping pairs.
+        """Return the motion of every unknown per free one, under constraints.
 
         Nodes on the clamped edge do not move. A tied pair shares all components of its displacement. A pair
         strictly behind the tip slips along the line and shares the rest: across it, so that the faces neither

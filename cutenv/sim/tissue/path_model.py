@@ -31,7 +31,7 @@ _ROUNDING = 1e-10  # of a solution, over modulus and thickness
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PathMesh(CutMesh):
-    """The mesh of a straight cut, shifted onto a drawn line.
+    """Mesh of a straight cut, shifted onto a drawn line.
 
     It is shifted across; the slab's sides stay.
 
@@ -60,7 +60,7 @@ class PathMesh(CutMesh):
 
     @cached_property
     def half_steps(self) -> Indices:
-        """Positions of all nodes in the straight mesh, counted in half elements, shape (n_nodes, 2)."""
+        """Nodes' positions before bending, in half elements, shape (n_nodes, 2)."""
         return self._straight.half_steps
 
     @cached_property
@@ -71,7 +71,7 @@ class PathMesh(CutMesh):
 
     @cached_property
     def slips(self) -> csr_array[np.float64]:
-        """Motion of every unknown per unit slip of each pair along the line, shape (n_unknowns, n_slips)."""
+        """Unknowns' motion per unit slip along the line, (n_unknowns, n_slips)."""
         pairs, along = self.pairs[self._may_slip], self.directions[self._may_slip]
         rows, halves = [], []
         for nodes, half in zip(pairs.T, (-0.5, 0.5), strict=True):
@@ -135,7 +135,7 @@ class PathModel:
 
     @cached_property
     def tips(self) -> Array:
-        """Arc length of the line at each tip [m], shape (n_tips,): element corners until the line leaves the slab."""
+        """Arc length at each tip [m], shape (n_tips,), within the slab."""
         x = self.mesh.nodes[self.mesh.tip_pairs[:, 0, 0], ALONG]
         x = x[x <= self.line.x[-1]]  # a long line ends within the slab
         s = np.interp(x, self.line.x, np.linspace(0.0, LENGTH, len(self.line.x)))
@@ -143,7 +143,7 @@ class PathModel:
 
     @cached_property
     def stiffness(self) -> Array:
-        """2 x 2 stiffness at each tip, shape (n_tips, 2, 2): along the line and to its left.
+        """Stiffness along the line and left, shape (n_tips, 2, 2).
 
         It is the force over the displacement, the modulus and the thickness [1].
         """
@@ -151,7 +151,7 @@ class PathModel:
         return read_only(np.linalg.inv(turned[: len(self.tips)]))
 
     def converted_stiffness(self, element: float) -> Array:
-        """Return the stiffness at each tip if the elements there were squares of a size, shape (n_tips, 2, 2).
+        """Return the tips' stiffness with square elements, shape (n_tips, 2, 2).
 
         Where the line is oblique, elements are, and a point force feels them; see
         :mod:`cutenv.sim.tissue.elasticity`.
@@ -186,7 +186,7 @@ class PathModel:
         return read_only(np.linalg.inv(np.einsum("tri,trs,tsj->tij", frames, compliance, frames)))
 
     def displacement(self, tip: int, force: ArrayLike) -> Array:
-        """Return the displacement of every node, times modulus and thickness [N], shape (n_nodes, 2).
+        """Return nodes' displacement times modulus and thickness [N], (n_nodes, 2).
 
         Parameters
         ----------
@@ -201,7 +201,7 @@ class PathModel:
 
     @cached_property
     def _frames(self) -> Array:
-        """Unit vectors along the line and to its left at each tip, as columns, shape (n_tips, 2, 2)."""
+        """Unit vectors along and left of the line, (n_tips, 2, 2)."""
         nodes = self.mesh.tip_pairs[:, 0, 0]
         place = {int(node): k for k, node in enumerate(self.mesh.pairs[:, 0])}
         along = self.mesh.directions[[place[int(node)] for node in nodes]]
@@ -210,7 +210,7 @@ class PathModel:
 
     @cached_property
     def _solved(self) -> tuple[Array, Array]:
-        """Compliance at each tip, (n_tips, 2, 2), and motion of all unknowns, (n_unknowns, n_tips, 2), per unit force.
+        """Compliance, (n_tips, 2, 2), and unknowns' motion, (n_unknowns, n_tips, 2).
 
         Both in the axes of the mesh.  The slips behind each tip are solved for as in
         :mod:`cutenv.sim.tissue.tip_response`.
@@ -239,7 +239,7 @@ class PathModel:
 
 
 def stiffness_on_line(specimen: Specimen, line: CutLine) -> TipStiffness:
-    """Return the stiffness of a crack on ``line`` in a specimen whose profiles are laid along the line.
+    """Return the stiffness of a crack on ``line`` in a specimen.
 
     It is the specimen's own, times the ratio of the uniform slab's stiffness on the line to that on a straight one as
     long: on a straight line the specimen's own, to the last bit.  Partial depth lowers all its parts alike (assumed).
@@ -253,17 +253,17 @@ def stiffness_on_line(specimen: Specimen, line: CutLine) -> TipStiffness:
 
 @lru_cache(maxsize=4)
 def straight_stiffness(element: str, formulation: str, poisson: float) -> TipStiffness:
-    """Return the uniform slab's stiffness along a straight cut, solved once [1]."""
+    """Return the uniform slab's stiffness along a straight cut [1]."""
     return stiffness_at_unit_modulus(straight(), element, formulation, poisson)
 
 
 def stiffness_at_unit_modulus(line: CutLine, element: str, formulation: str, poisson: float) -> TipStiffness:
-    """Interpolate the uniform slab's stiffness between tips; outside them it keeps its value."""
+    """Interpolate the uniform slab's stiffness between tips, constant beyond them."""
     return along_whole_line(*stiffness_at_tips(line, element, formulation, poisson))
 
 
 def stiffness_at_tips(line: CutLine, element: str, formulation: str, poisson: float) -> tuple[Array, Array]:
-    """Return the tips [m], shape (n,), and the uniform slab's stiffness there [1], shape (n, 2, 2)."""
+    """Return tips [m], (n,), and uniform slab stiffness, (n, 2, 2)."""
     model = PathModel(line, element=element, formulation=formulation, poisson=poisson)
     at_tips = model.converted_stiffness(_ELEMENT) if element == "quad8" else model.stiffness
     return model.tips, np.where(abs(at_tips) > _ROUNDING, at_tips, 0.0)  # none is coupled by symmetry

@@ -1,4 +1,4 @@
-"""Stiffness of a crack beside its drawn line, by the place of its tip.
+"""Stiffness of a crack off its drawn line, by tip place.
 
 The stiffness of a slab with a cut depends on the place (x, y) of the tip, and hardly on how the cut came there.  In the
 axes of the slab, along and across it, and with u = |y| over half its width, it is
@@ -39,7 +39,7 @@ _FILE = "place_model.json"
 
 
 class TipStiffness(NamedTuple):
-    """2 x 2 stiffness [N/m], or over another [1], of a crack whose tip stands at each of n places, shape (n,)."""
+    """Stiffness matrices [N/m], or [1], at n tip places, shape (n,)."""
 
     along: Array
     coupled: Array
@@ -48,12 +48,12 @@ class TipStiffness(NamedTuple):
 
 
 def over_straight(found: TipStiffness, base: TipStiffness) -> TipStiffness:
-    """Return the stiffness of a uniform slab on a line, over ``base`` along a straight one as long [1]."""
+    """Return a line's stiffness over ``base`` of a straight one [1]."""
     return TipStiffness(*(part / base.along for part in found))
 
 
 def along_whole_line(tips: Array, stiffness: Array) -> TipStiffness:
-    """Return the stiffness at each point of a line, of shape (n_tips, 2, 2) at some tips; outside them it is kept."""
+    """Interpolate the tips' stiffness, (n_tips, 2, 2), over a whole line."""
     from scipy.interpolate import PchipInterpolator
 
     places = np.clip(np.arange(N_POINTS) * SPACING, tips[0], tips[-1])
@@ -62,7 +62,7 @@ def along_whole_line(tips: Array, stiffness: Array) -> TipStiffness:
 
 
 class OffLine(NamedTuple):
-    """Rates dL/dd of the lower triangular L along a line, each of shape (301,) [1/m]."""
+    """Rates dL/dd of lower triangular L, each shape (301,) [1/m]."""
 
     along: Array
     coupled: Array
@@ -76,7 +76,7 @@ def fitted_numbers() -> tuple[float, ...]:
 
 
 def store_numbers(numbers: Array) -> None:
-    """Write c1 to c7 where :func:`fitted_numbers` reads them, with six digits."""
+    """Write c1 to c7 for :func:`fitted_numbers`, with six digits."""
     content = {
         "source": "least squares on the stiffness of all stored lines (assets/derived/lines.json)",
         "script": "scripts/derivations/lines.py --fit",
@@ -86,7 +86,7 @@ def store_numbers(numbers: Array) -> None:
 
 
 def stiffness_by_place(numbers: tuple[float, ...] | Array, x: Array, y: Array, straight: TipStiffness) -> TipStiffness:
-    """Return M in the axes of the slab, in the unit of ``straight``.
+    """Return M in the slab's axes, in the unit of ``straight``.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def stiffness_by_place(numbers: tuple[float, ...] | Array, x: Array, y: Array, s
 
 
 def off_line(line: CutLine, straight: TipStiffness) -> OffLine:
-    """Return the rates of L along a line, by the stiffness along a straight one; see :func:`stiffness_off_line`."""
+    """Return the rates of L for :func:`stiffness_off_line`."""
     sine, cosine = sine_and_cosine(line.angle)
 
     def root(aside: float) -> tuple[Array, Array, Array]:
@@ -130,7 +130,7 @@ def off_line(line: CutLine, straight: TipStiffness) -> OffLine:
 def stiffness_off_line(
     stiffness: tuple[float, float, float], rates: tuple[float, float, float], aside: float
 ) -> tuple[float, float, float]:
-    """Return the stiffness along, coupled and across of a tip ``aside`` [m] to the left of its line.
+    """Return along, coupled, across stiffness of a tip ``aside`` [m] left.
 
     ``stiffness`` is that of a crack on the line, which it stays for a tip there, to the last bit.
     """
@@ -142,7 +142,7 @@ def stiffness_off_line(
 
 
 def _turned(stiffness: TipStiffness, cosine: Array | float, sine: Array | float) -> TipStiffness:
-    """Return R K R^T of a turn in the direction (cosine, sine), of any length."""
+    """Return R K R^T of a rotation (cosine, sine), unnormalised."""
     along, coupled, across = stiffness
     square, both, other = cosine * cosine, cosine * sine, sine * sine
     length = square + other

@@ -93,7 +93,7 @@ def zoned_model(
 def _row_moduli(
     model: CutModel, borders: ArrayLike, moduli: ArrayLike, depth: Callable[[Array], ArrayLike] | None
 ) -> Array:
-    """Return the modulus of each row of elements, shape (n_rows,); with a ``depth`` times depth over thickness."""
+    """Return each element row's modulus, optionally times relative depth, shape (n_rows,)."""
     inner = np.atleast_1d(np.asarray(borders, dtype=np.float64))
     values = np.atleast_1d(array_in_range("moduli", moduli, 1e-6, 1e6, "1", "They are moduli of zones, or in pascals."))
     edges = np.concatenate(([0.0], inner, [model.length]))
@@ -120,7 +120,7 @@ _FIELDS, _FIELD_CV, _FIELD_POINTS, _FIELD_LENGTH = 60, 0.5, 20, 0.020  # sample 
 
 
 class Condensed(NamedTuple):
-    """Condensed stiffness of each row in the unknowns of its borders, for modulus and thickness 1.
+    """Condensed row stiffness in border unknowns, for modulus and thickness 1.
 
     The last unknown of a border is the displacement of the tip there; the others do not move the tip.
 
@@ -160,7 +160,7 @@ def condensed(model: CutModel) -> Condensed:
 
 
 def _row_stiffness(model: CutModel) -> tuple[Array, int]:
-    """Return the stiffness of one row in the unknowns of its borders, lower one first, and their number per border.
+    """Return a row's stiffness, lower border first, and unknowns per border.
 
     The first unknown of a border is the displacement along the cut of its node on the line.
     """
@@ -188,7 +188,7 @@ def _row_stiffness(model: CutModel) -> tuple[Array, int]:
 
 
 def _assembled(row: Array, n: int, rows: Array) -> Array:
-    """Assemble the stiffness of the half slab with moduli ``rows``, clamped at the lowest border."""
+    """Assemble the half slab's stiffness, clamped at the lowest border."""
     whole = np.zeros(((len(rows) + 1) * n, (len(rows) + 1) * n))
     for j, modulus in enumerate(rows):
         both = slice(j * n, (j + 2) * n)
@@ -197,7 +197,7 @@ def _assembled(row: Array, n: int, rows: Array) -> Array:
 
 
 def _fields(n_rows: int) -> list[Array]:
-    """Return moduli of rows for the basis: uniform, and from fields with more variation than tissue has."""
+    """Return rows' moduli, uniform and varied, for the basis."""
     modes = field_modes(_FIELD_POINTS * n_rows + 1, 0.01 / _FIELD_POINTS, _FIELD_LENGTH)
     rng = np.random.default_rng(0)
     unit = rng.standard_normal((_FIELDS, len(modes))) @ modes
@@ -207,7 +207,7 @@ def _fields(n_rows: int) -> list[Array]:
 
 
 def _basis(shapes: Array) -> Array:
-    """Return a basis of a border's unknowns, shape (n, 8): the last moves the tip by one, the others do not move it."""
+    """Return a border's basis, (n, 8), whose last alone moves the tip."""
     leading = np.linalg.svd(shapes, full_matrices=False)[0][:, :UNKNOWNS]
     tip = leading[0]  # how each moves the tip
     rest = np.linalg.svd(tip[np.newaxis])[2][1:].T  # combinations that do not
@@ -241,7 +241,7 @@ SLAB: np.dtype[Any] = np.dtype(
 
 @lru_cache(maxsize=8)
 def slab_of(element: str, formulation: str, poisson: float) -> NDArray[Any]:
-    """Return the :data:`SLAB` of a plane model of the default mesh, shape (1,), read-only.
+    """Return a plane model's :data:`SLAB`, shape (1,), read-only.
 
     That of pig liver is stored in ``assets/derived/slab.json``, so that every machine starts from the same digits;
     others are computed.
@@ -292,7 +292,7 @@ def _prepare(slabs: Array) -> None:
 
 
 def stiffness_along(slab: NDArray[Any], modulus: Array, depth: Array, thickness: float) -> Array:
-    """Return K at each point of a specimen, shape (301,) [N/m].
+    """Return K along a specimen, shape (301,) [N/m].
 
     Parameters
     ----------
@@ -312,7 +312,7 @@ def _stiffness_along(slabs: Array, modulus: Array, effective: Array, share: Arra
 
 
 def row_means(modulus: Array) -> Array:
-    """Return the modulus of each row of elements, shape (15,), from a field, shape (301,): trapezoidal means."""
+    """Return trapezoidal row means, (15,), of a modulus field, (301,)."""
     rows = np.empty(ROWS)
     _fill_rows(modulus, rows)
     return rows
@@ -329,7 +329,7 @@ def _fill_rows(modulus: Array, rows: Array) -> None:
 
 
 def local_modulus(rows: Array) -> Array:
-    """Return the mean modulus of the rows on either side of each tip, shape (15,)."""
+    """Return the mean modulus of rows around each tip, (15,)."""
     local = np.empty(ROWS)
     _fill_local(rows, local)
     return local
@@ -344,7 +344,7 @@ def _fill_local(rows: Array, local: Array) -> None:
 
 @njit_internal
 def fill_stiffness(slab: Struct, modulus: Array, effective: Array, share: Array, stiffness: Array) -> None:
-    """Fill ``stiffness``, shape (301,), with K [N/m]; ``effective`` and ``share`` are from :func:`partial_depth`."""
+    """Fill ``stiffness``, (301,), with K [N/m] after :func:`partial_depth`."""
     far, near = np.empty(N_POINTS), np.empty(N_POINTS)
     mean = cut_through(slab, modulus, far, near)
     for i in range(N_POINTS):
@@ -353,13 +353,13 @@ def fill_stiffness(slab: Struct, modulus: Array, effective: Array, share: Array,
 
 @njit
 def cut_through_along(slabs: Array, modulus: Array, far: Array, near: Array) -> float:
-    """Fill k and l, shape (301,), as :func:`cut_through` does; return the mean modulus [Pa]."""
+    """Fill k and l, (301,), by :func:`cut_through`; return modulus [Pa]."""
     return cut_through(slabs[0], modulus, far, near)
 
 
 @njit_internal
 def cut_through(slab: Struct, modulus: Array, far: Array, near: Array) -> float:
-    """Fill k and l over the mean modulus, shape (301,), of a slab that is cut through; return that mean [Pa]."""
+    """Fill k and l, (301,), over the mean modulus; return it [Pa]."""
     rows, local, plane = np.empty(ROWS), np.empty(ROWS), np.empty(ROWS)
     _fill_rows(modulus, rows)
     total = 0.0
@@ -380,7 +380,7 @@ def cut_through(slab: Struct, modulus: Array, far: Array, near: Array) -> float:
 
 @njit_internal
 def tip_stiffness(slab: Struct, rows: Array, stiffness: Array) -> None:
-    """Fill ``stiffness``, shape (15,), with the plane model's, tip on each border, for the moduli ``rows``.
+    """Fill plane-model ``stiffness``, (15,), tip on each border.
 
     The matrix is block tridiagonal.  The part on either side of a border acts on it as a spring matrix: elimination
     from the clamp gives the one, from the free end the other.  The tip is the last unknown of their sum: eliminating
@@ -416,7 +416,7 @@ def tip_stiffness(slab: Struct, rows: Array, stiffness: Array) -> None:
 
 @njit_inline
 def _factorise(matrix: Array) -> None:
-    """Factorise in place as L D L^T, by columns: D on the diagonal, L below."""
+    """Factorise in place as L D L^T, D diagonal, L below."""
     for p in range(UNKNOWNS):
         for q in range(p + 1, UNKNOWNS):
             factor = matrix[q, p] / matrix[p, p]
@@ -434,7 +434,7 @@ def _last_pivot(matrix: Array) -> float:
 
 @njit_internal
 def _eliminate(matrix: Array, coupling: Array, springs: Array) -> None:
-    """Subtract C^T M^-1 C from ``springs``, for a ``matrix`` M and a ``coupling`` C, which are both overwritten."""
+    """Subtract C^T M^-1 C from ``springs``; overwrite ``matrix`` and ``coupling``."""
     _factorise(matrix)
     for p in range(1, UNKNOWNS):  # C becomes L^-1 C
         for k in range(p):
@@ -451,7 +451,7 @@ def _eliminate(matrix: Array, coupling: Array, springs: Array) -> None:
 
 @njit_internal
 def between_tips(at_tips: Array, along: Array) -> None:
-    """Fill ``along``, shape (301,), by interpolating values at the 15 tips: PCHIP, constant below the first."""
+    """Fill ``along``, (301,), with PCHIP-interpolated tip values, constant before the first."""
     slopes = np.empty(ROWS)
     for j in range(1, ROWS - 1):  # in units of a row
         before, after = at_tips[j] - at_tips[j - 1], at_tips[j + 1] - at_tips[j]
@@ -473,7 +473,7 @@ def between_tips(at_tips: Array, along: Array) -> None:
 
 @njit_internal
 def _end_slope(near: float, far: float) -> float:
-    """Return PCHIP's one-sided slope at an end, shape preserved: Fritsch and Butland's three-point formula."""
+    """Return PCHIP's one-sided, shape-preserving end slope (Fritsch and Butland)."""
     slope = 0.5 * (3.0 * near - far)
     if slope * near <= 0.0:
         return 0.0
@@ -484,14 +484,14 @@ def _end_slope(near: float, far: float) -> float:
 
 @njit
 def partial_depth(slabs: Array, depth: Array, thickness: float, effective: Array, share: Array) -> None:
-    """Fill ``effective`` with the effective depth T g [m] and ``share`` with c, for the depth at each of 301 points."""
+    """Fill effective depth T g [m] and ``share`` c by depth."""
     for i in range(N_POINTS):
         effective[i], share[i] = at_depth(slabs[0], i, depth[i], thickness)
 
 
 @njit_inline
 def at_depth(slab: Struct, i: int, depth: float, thickness: float) -> tuple[float, float]:
-    """Return T g [m] and c for a tip at point ``i``: linear in both directions, constant below the first tip."""
+    """Interpolate T g [m] and c bilinearly, constant below the first tip."""
     place = min(max(i / _IN_ROW - 1.0, 0.0), ROWS - 1.0)
     j = min(int(place), ROWS - 2)
     w = place - j
@@ -509,7 +509,9 @@ def at_depth(slab: Struct, i: int, depth: float, thickness: float) -> tuple[floa
 
 
 def effective_depth(cut_length: ArrayLike, depth: ArrayLike, thickness: float = THICKNESS) -> Array:
-    """Return T g(a, B/T) [m]: in a slab of modulus E, K = E kappa(a) times this; B itself where it is cut through.
+    """Return effective depth T g(a, B/T) [m].
+
+    In a slab of modulus E, K = E kappa(a) times this; it is B itself where the slab is cut through.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ SPECIMEN_SCHEMA = "cutenv-specimen/2"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Specimen:
-    """A slab of tissue along its cut line, from the clamp (0) to the free end (15 cm).
+    """Slab of tissue along a 15 cm cut from its clamp.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ class Specimen:
 
     @classmethod
     def mean(cls, tissue: TissueDescription | None = None) -> Specimen:
-        """Make the mean of the livers that :meth:`draw` samples: no spread, but the bulge of a real one."""
+        """Make the mean specimen of :meth:`draw`, with a real bulge."""
         tissue = tissue or measured_liver()
         ones = np.ones(N_POINTS)
         return cls(
@@ -148,7 +148,7 @@ class Specimen:
         tissue: TissueDescription | None = None,
         liver_factor: float | None = None,
     ) -> Specimen:
-        """Sample a specimen: a liver, a cut within it, and the variation along the cut.
+        """Sample a specimen: liver, cut, and variation along the cut.
 
         Parameters
         ----------
@@ -184,7 +184,7 @@ class Specimen:
         tissue: TissueDescription | None = None,
         liver_factor: float | None = None,
     ) -> Specimen:
-        """Return the specimen of a random key: the same here, in an environment and in a batch.
+        """Return a random key's specimen, the same in environments and batches.
 
         Parameters
         ----------
@@ -229,19 +229,20 @@ class Specimen:
         return self.tissue.cut_model()
 
     def stiffness(self) -> Array:
-        """Return K, the blade force over the blade's displacement, for a tip at each point, shape (301,) [N/m]."""
+        """Return K with the tip at each point, (301,) [N/m]."""
         return stiffness_along(self.tissue.slab(), self.modulus, self.depth, self.thickness)
 
     def loading_ratio(self, speed: float, angle: float) -> float:
-        """Return r [1]: rate of rise of the force at a speed [m/s] and an angle [rad], over that without crack growth.
+        """Return r [1], the force's rise over that without crack growth.
 
-        The local effective modulus measured by an exact slope is r K/(kappa B).
+        ``speed`` is in m/s and ``angle`` in rad.  The local effective modulus measured by an exact slope is r K/(kappa
+        B).
         """
         modulus = self.tissue.local_effective_modulus(speed, angle, self.inclined_ratio)
         return min(1.0, modulus / self.tissue.intercept_90)
 
     def fracture_force(self) -> Array:
-        """Return R B at each point, R without its share of friction, shape (301,) [N]."""
+        """Return R B without R's share of friction, (301,) [N]."""
         return (1.0 - self.tissue.friction_share) * self.fracture_resistance * self.depth
 
     def to_json(self) -> str:
@@ -254,7 +255,7 @@ class Specimen:
 
     @classmethod
     def from_json(cls, text: str) -> Specimen:
-        """Parse the text of :meth:`to_json`; raise ValueError for another schema, wrong fields or bad values."""
+        """Parse the text of :meth:`to_json`; raise ValueError if invalid."""
         content = checked_fields(text, SPECIMEN_SCHEMA, {field.name for field in dataclasses.fields(cls)})
         content["tissue"] = TissueDescription.from_json(json.dumps(content["tissue"]))
         return cls(**content)
@@ -271,7 +272,7 @@ class Specimen:
 
 
 def draw_liver(rng: np.random.Generator, tissue: TissueDescription | None = None) -> float:
-    """Sample the stiffness of one liver relative to the mean [1]."""
+    """Sample a liver's stiffness relative to the mean [1]."""
     _check_generator(rng)
     sigma = lognormal_sigma((tissue or measured_liver()).modulus_between_liver_cv)
     return float(lognormal(float(rng.standard_normal()), sigma))
@@ -323,7 +324,7 @@ def _fill(nominal: StructArray, slabs: StructArray, modulus: float, thickness: f
 
 @njit_inline
 def nominal_stiffness(nominal: Struct, i: int, depth: float) -> float:
-    """Return K [N/m] of the mean tissue for a tip at point ``i`` and a cut ``depth`` [m] deep."""
+    """Return mean K [N/m] at point ``i`` for ``depth`` [m]."""
     level = min(depth / nominal.thickness, 1.0) * _STEPS
     k = min(int(level), _STEPS - 1)
     stiffness = nominal.stiffness
@@ -357,11 +358,11 @@ class SurfaceSpread:
         check_parameters(self)
 
     def modes(self) -> Array:
-        """Return the modes of the deviation along a slice, shape (n_modes, 301)."""
+        """Return modes of surface deviation along a slice, (n_modes, 301)."""
         return field_modes(N_POINTS, SPACING, self.surface_length)
 
     def of(self, specimen: Specimen, seed: int, episode: int) -> Specimen:
-        """Return a drawn specimen with the surface of this random key; one of class uniform has no spread."""
+        """Return a specimen with a random surface; uniform ones have none."""
         if self.surface_spread == 0.0 or specimen.specimen_class == "uniform":
             return specimen
         depth = specimen.depth.copy()
@@ -372,7 +373,7 @@ class SurfaceSpread:
 
 @njit
 def vary_surface(key: Key, spread: float, thickness: float, modes: Array, depth: Array) -> None:
-    """Let the surface of a slice differ from the mean bulge: ``depth`` of cut at level 0 [m], shape (301,), changed.
+    """Vary a slice's ``depth`` of cut at level 0 [m], (301,).
 
     It remains within the slab's ``thickness`` [m].
     """
@@ -405,7 +406,7 @@ class BladeWear:
         check_parameters(self)
 
     def factors(self) -> Array:
-        """Return the fracture resistance over that of a new blade, along the cut, shape (301,) [1]."""
+        """Return fracture resistance over a new blade's, shape (301,) [1]."""
         return np.asarray(1.0 + self.blade_wear * (self.blade_used + SPACING * np.arange(N_POINTS)))
 
     def of(self, specimen: Specimen) -> Specimen:

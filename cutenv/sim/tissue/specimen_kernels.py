@@ -69,7 +69,7 @@ SAMPLER: np.dtype[Any] = np.dtype(
 
 
 class MaterialProfiles(NamedTuple):
-    """Modulus of the material [Pa] and fracture resistance [J/m2] along a specimen, each of shape (301,)."""
+    """Material modulus [Pa] and fracture resistance [J/m2] profiles, each (301,)."""
 
     modulus: Array
     fracture_resistance: Array
@@ -98,7 +98,7 @@ def sampler(tissue: TissueDescription) -> NDArray[Any]:
 
 @lru_cache(maxsize=8)
 def bulge_of(tissue: TissueDescription) -> Array:
-    """Return the depth of cut at each point of a sampled specimen, shape (301,) [m]."""
+    """Return a sampled specimen's depth of cut, (301,) [m]."""
     depth = bulge(
         np.arange(N_POINTS) * SPACING,
         edge=tissue.edge_depth,
@@ -111,19 +111,19 @@ def bulge_of(tissue: TissueDescription) -> Array:
 
 
 def tissue_modes(tissue: TissueDescription) -> Array:
-    """Return the modes of the random fields along a specimen, shape (n_modes, 301)."""
+    """Return modes of a specimen's random fields, (n_modes, 301)."""
     return field_modes(N_POINTS, SPACING, tissue.correlation_length)
 
 
 @njit
 def lognormal(normal: float, sigma: float) -> float:
-    """Return a lognormal number of mean 1, given a standard normal one."""
+    """Return a lognormal number of mean 1 from a normal one."""
     return exp(sigma * normal - 0.5 * sigma**2)
 
 
 @njit_internal
 def smooth_field(key: Key, stream: Integer, first: Integer, modes: Array, field: Array) -> None:
-    """Fill ``field``, shape (301,), with a unit Gaussian field, from normal numbers with counter ``first`` onward."""
+    """Fill ``field``, (301,), with a unit Gaussian field from normal numbers."""
     seed, episode = key
     field[:] = 0.0
     for k in range(modes.shape[0]):
@@ -134,7 +134,7 @@ def smooth_field(key: Key, stream: Integer, first: Integer, modes: Array, field:
 
 @njit
 def is_vascular(seed: Integer, episode: Integer) -> bool:
-    """Return True if a specimen of class mixed has vessels: one half of them do."""
+    """Return True if a mixed-class specimen has vessels (half do)."""
     return uniform_at(seed, episode, TASK, CLASS_DRAW) < 0.5
 
 
@@ -184,7 +184,7 @@ def _between(limits: tuple[float, float], key: Key, counter: Integer) -> float:
 
 @njit
 def add_vessels(key: Key, resistance: Array) -> None:
-    """Multiply ``resistance`` by the factor of one or two tough inclusions; where they overlap, by the larger one."""
+    """Multiply ``resistance`` by one or two inclusions' factors (larger on overlap)."""
     count = 1 + int(_INCLUSIONS * uniform_at(key[0], key[1], VESSELS, _FIRST))
     factor = np.ones(N_POINTS)
     for vessel in range(count):
@@ -204,5 +204,5 @@ def add_vessels(key: Key, resistance: Array) -> None:
 def sample_all_profiles(
     key: Key, liver_factor: float, recipes: Array, modes: Array, profiles: Array
 ) -> tuple[float, float]:
-    """Call :func:`sample_profiles` with arrays, shapes (1,) and (2, 301), for the records: faster from Python."""
+    """Call :func:`sample_profiles` with arrays, faster than records from Python."""
     return sample_profiles(key, liver_factor, recipes[0], modes, MaterialProfiles(profiles[0], profiles[1]))

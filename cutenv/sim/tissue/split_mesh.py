@@ -48,7 +48,7 @@ class Part(NamedTuple):
 
 
 class SplitMesh:
-    """Quadrilaterals in rows and columns, some of them split into triangles.
+    """Rows of quadrilaterals, some of them split into triangles.
 
     Parameters
     ----------
@@ -88,18 +88,18 @@ class SplitMesh:
         return self.positions[place]  # type: ignore[no-any-return]
 
     def parts(self, cell: MeshPlace) -> tuple[Part, ...]:
-        """Return the elements of a cell: itself, or its two triangles."""
+        """Return a cell's elements: itself, or its two triangles."""
         return self.split.get(cell) or (whole(cell),)
 
     def cells_at(self, place: MeshPlace) -> list[MeshPlace]:
-        """Return the cells that touch a place: four around a corner, two beside an edge, one around its middle."""
+        """Return the cells that touch a place: one, two or four."""
         a, b = place
         rows = {(a - 1) // 2, a // 2}
         columns = {(b - 1) // 2, b // 2}
         return [(i, j) for i in sorted(rows) for j in sorted(columns) if self._is_cell(i, j)]
 
     def move(self, corner: MeshPlace, to: Array) -> None:
-        """Move a corner to a position [m]; the nodes in the middle of its edges follow."""
+        """Move a corner [m] and the mid-side nodes of its edges."""
         if np.array_equal(self.positions[corner], to):
             return
         self.positions[corner] = to
@@ -112,7 +112,7 @@ class SplitMesh:
             self._place_middle(cell)
 
     def split_cell(self, one: MeshPlace, other: MeshPlace) -> MeshPlace:
-        """Split the cell of which two corners are opposite into triangles; return it."""
+        """Split a cell between two opposite corners into triangles; return it."""
         cell = (min(one[0], other[0]) // 2, min(one[1], other[1]) // 2)
         self.split[cell] = _triangles(one, other)
         self.moved.add(cell)
@@ -120,7 +120,7 @@ class SplitMesh:
         return cell
 
     def thinnest_after(self, corner: MeshPlace, to: Array, crossed_from: MeshPlace | None = None) -> float:
-        """Return the least of twice the area at a corner of the elements around ``corner`` if it moved ``to`` [m2].
+        """Return twice the smallest element area after moving ``corner`` [m2].
 
         ``crossed_from``: opposite corner of the cell that would be split.
         """
@@ -138,7 +138,7 @@ class SplitMesh:
         return least
 
     def direction(self, one: MeshPlace, other: MeshPlace) -> float:
-        """Return the angle to the slab's axis of the way from a place to another [rad], positive to the left."""
+        """Return the direction between places [rad], to the slab axis's left."""
         return math.atan2(*(self.at(other) - self.at(one))[::-1])
 
     def is_clamped(self, place: MeshPlace) -> bool:
@@ -150,7 +150,7 @@ class SplitMesh:
         return any(corner[axis] in (0, 2 * self.cells[axis]) for axis in (0, 1))
 
     def leaves_edge(self, corner: MeshPlace, to: Array) -> bool:
-        """Return whether a corner on the slab's outline would leave it."""
+        """Return True if a corner would leave the slab's outline."""
         gaps = abs(np.asarray(to) - self.positions[corner])
         return any(corner[axis] in (0, 2 * self.cells[axis]) and gaps[axis] > _SAME for axis in (0, 1))
 
@@ -175,16 +175,16 @@ def whole(cell: MeshPlace) -> Part:
 
 
 def cell_places(cells: MeshPlace) -> Indices:
-    """Return the places of the nodes of all cells, shape (n_cells, 8, 2), the first index varying slowest."""
+    """Return all cells' node places, (n_cells, 8, 2), first index slowest."""
     first = np.indices(cells).reshape(2, -1).T[:, np.newaxis]
     return 2 * first + np.array(_QUAD)  # type: ignore[no-any-return]
 
 
 def slab_corners(divisions: tuple[int, int], size: tuple[float, float], line: CutLine | None) -> Array:
-    """Return the corners of a slab's mesh along it and across it to the left, shape (along + 1, across + 1, 2) [m].
+    """Return mesh corners, (along + 1, across + 1, 2) [m].
 
-    With a ``line`` the mesh follows it, as that of :class:`~cutenv.sim.tissue.PathModel`; without, it is a straight
-    cut's.
+    Across is to the left.  With a ``line`` the mesh follows it, as that of :class:`~cutenv.sim.tissue.PathModel`;
+    without, it is a straight cut's.
     """
     kind = ELEMENT_KINDS["quad8"]
     mesh = (
@@ -198,7 +198,7 @@ def slab_corners(divisions: tuple[int, int], size: tuple[float, float], line: Cu
 
 
 def _triangles(one: MeshPlace, other: MeshPlace) -> tuple[Part, Part]:
-    """Return the two halves of the cell of which two corners are opposite."""
+    """Return the triangles of a cell split between opposite corners."""
     a, b = min(one[0], other[0]), min(one[1], other[1])
     if (other[0] - one[0]) * (other[1] - one[1]) > 0:
         first, second = ((0, 0), (2, 0), (2, 2)), ((0, 0), (2, 2), (0, 2))
@@ -263,7 +263,7 @@ class Crack:
 
     @property
     def angle(self) -> float:
-        """Direction at the tip [rad], to the left of the slab's axis; raises as :attr:`tip`."""
+        """Direction at the tip [rad], leftward; raises as :attr:`tip`."""
         _ = self.tip
         return self.angles[-1]
 
@@ -273,25 +273,28 @@ class Crack:
         return self.mesh.direction(self.corners[-2], self.tip)
 
     def is_used(self, corner: MeshPlace) -> bool:
-        """Return whether this crack or an earlier one has passed a corner."""
+        """Return True if any crack has passed a corner."""
         return corner in self._used
 
     def restart(self) -> None:
-        """Leave the corners to the earlier cracks, for another one to begin."""
+        """Assign all corners to earlier cracks, and begin another."""
         self.corners, self.angles = [], []
 
     def take(self, corner: MeshPlace, angle: float) -> None:
-        """Make a corner the tip, with the crack's direction there [rad]."""
+        """Make a corner the tip, with its direction [rad]."""
         self.corners.append(corner)
         self.angles.append(angle)
         self._used.add(corner)
 
     def is_reached(self, distance: float) -> bool:
-        """Return whether a point at a distance from the tip [m] is too near for another corner."""
+        """Return True if ``distance`` from the tip [m] allows no corner."""
         return distance < _ON_THE_WAY * self.element
 
     def can_move(self, corner: MeshPlace, to: Array) -> bool:
-        """Return whether a corner can move to a point [m]: on its edge, and with no element too thin."""
+        """Return True if a corner can move to a point [m].
+
+        It moves on its edge, and leaves no element too thin.
+        """
         if self.mesh.leaves_edge(corner, to):
             return False
         start = self.corners[-1] if self.corners else corner
@@ -299,7 +302,7 @@ class Crack:
         return self.mesh.thinnest_after(corner, to, crossed) > _THINNEST * self.element**2
 
     def nearest(self, to: Callable[[MeshPlace], Array | None]) -> tuple[MeshPlace, Array] | None:
-        """Return the corner around the tip that moves least to become the next, and where to, if there is one.
+        """Return the least-moved corner to become next, with its target.
 
         Parameters
         ----------
@@ -323,7 +326,7 @@ class Crack:
         return corner, np.array(place)
 
     def next_corner(self, direction: Array) -> tuple[MeshPlace, Array]:
-        """Return the corner that the crack passes next in a direction, and where it meets the way [m].
+        """Return the crack's next corner and its target place [m].
 
         Raises
         ------
@@ -370,7 +373,7 @@ class SparseFactors:
 
 
 class AugmentedSystem:
-    """Sparse system whose matrix changes little by little, solved by its first factorisation.
+    """Sparse system with small changes, solved by its first factorisation.
 
     The matrix A is factorised once.  What changes, D, touches some of its unknowns, and brings new ones of its own; the
     touched and the new ones are the local unknowns w.  Under loads f on them
@@ -408,7 +411,7 @@ class AugmentedSystem:
         return other
 
     def local(self, number: int) -> int:
-        """Return the place of a touched unknown of the matrix among the local ones."""
+        """Return a touched unknown's index among the local ones."""
         return int(self._place[number])
 
     def add_unknown(self, number: int = _NEW) -> int:
@@ -422,7 +425,7 @@ class AugmentedSystem:
         return n
 
     def touch(self, numbers: Sequence[int]) -> None:
-        """Bring unknowns of the matrix among the local ones; negative numbers are passed over."""
+        """Make matrix unknowns local; negative numbers are skipped."""
         new = [number for number in dict.fromkeys(numbers) if number >= 0 and self._place[number] < 0]
         if not new:
             return
@@ -440,14 +443,14 @@ class AugmentedSystem:
         self._solved = None
 
     def change(self, unknowns: Indices, by: Array) -> None:
-        """Add a matrix ``by``, shape (k, k), to the entries of k local unknowns."""
+        """Add ``by``, (k, k), to k local unknowns' entries."""
         n = len(self)
         self._D[np.ix_(unknowns, unknowns)] += by
         self._H[:n, unknowns] += self._G[:n, unknowns] @ by
         self._solved = None
 
     def solve(self, loads: Array) -> Array:
-        """Return the local unknowns under loads on them, both of shape (n_local, k)."""
+        """Return local unknowns under local loads, both (n_local, k)."""
         n = len(self)
         if self._solved is None or len(self._solved[0]) != n:
             matrix = self._H[:n, :n].copy()
@@ -458,7 +461,7 @@ class AugmentedSystem:
         return answer
 
     def spread(self, local: Array, loads: Array) -> Array:
-        """Return all unknowns of the matrix, shape (n,), from the local ones and the loads on them, (n_local,)."""
+        """Return all unknowns, (n,), from local ones and loads, (n_local,)."""
         n, known = len(self), self._known
         push = loads - self._D[:n, :n] @ local
         whole = np.zeros(self._n)
@@ -479,7 +482,7 @@ def _enlarged(matrix: Array, used: int) -> Array:
 
 
 class DoubledMesh(NamedTuple):
-    """A slab with its cuts, as any finite-element program takes it.
+    """Slab with its cuts, for any finite-element program.
 
     Places along the slab and to its left.
     """
@@ -540,7 +543,7 @@ class SplitStiffness:
         self._sides: dict[tuple[Part, MeshPlace], float] = {}
 
     def copy(self, mesh: SplitMesh) -> SplitStiffness:
-        """Return an independent copy for a copy of the mesh; it shares the factorisation."""
+        """Return a copy for a copied mesh, sharing the factorisation."""
         other = copy.copy(self)
         other._mesh, other.system = mesh, self.system.copy()
         other._shares, other._middles = dict(self._shares), dict(self._middles)
@@ -548,7 +551,7 @@ class SplitStiffness:
         return other
 
     def touched(self, place: MeshPlace) -> list[int]:
-        """Return the local unknowns of a node, which it gets if it has none yet."""
+        """Return a node's local unknowns, created on first use."""
         numbers = self._number[place].tolist()
         self.system.touch(numbers)
         return [self.system.local(number) for number in numbers if number >= 0]
@@ -561,7 +564,7 @@ class SplitStiffness:
         self._middles[cell] = (self.system.add_unknown(), self.system.add_unknown())
 
     def double(self, place: MeshPlace, angle: float, before: MeshPlace | None, after: MeshPlace) -> None:
-        """Give a node of the crack, which runs there at an angle [rad], its jumps, and elements around it their sides.
+        """Give a node at ``angle`` [rad] jumps, and its elements sides.
 
         ``before`` and ``after`` are the corners between which it lies on the crack; none before it: it lies on an edge.
         """
@@ -578,7 +581,7 @@ class SplitStiffness:
                     self._sides[part, place] = -0.5 if _turn(ahead, centre) < _turn(ahead, back) else 0.5
 
     def renew(self, cells: Sequence[MeshPlace]) -> None:
-        """Bring the shares of cells up to date with their shape, their parts and the jumps of their nodes."""
+        """Update cells' contributions to their shape, parts and jumps."""
         self.system.touch([n for cell in cells for p in whole(cell).places for n in self._number[p].tolist()])
         for cell in cells:
             unknowns, share = self._share(cell)
@@ -589,7 +592,7 @@ class SplitStiffness:
             self._shares[cell] = unknowns, share
 
     def local_excess(self, tip: MeshPlace, size: float, element: float) -> Array:
-        """Return what the elements around a tip add to its compliance, beyond squares of a ``size`` [m], shape (2, 2).
+        """Return elements' compliance at a tip beyond squares', (2, 2).
 
         At the free end, where there are none around it, that is the excess of squares of the size ``element``.
         """
@@ -606,7 +609,7 @@ class SplitStiffness:
         return (local - square) / modulus
 
     def loads(self, forces: ArrayLike) -> Array:
-        """Return forces on all places, shape of ``mesh.positions``, as loads on the local unknowns."""
+        """Return forces on places, like ``mesh.positions``, as local loads."""
         given = np.asarray(forces, dtype=float)
         given_at = [(int(a), int(b)) for a, b in np.argwhere(given.any(axis=2))]
         places = [place for place in given_at if not self._mesh.is_clamped(place)]
@@ -617,19 +620,19 @@ class SplitStiffness:
         return load
 
     def push_faces(self, load: Array, place: MeshPlace, apart: Array) -> None:
-        """Add to loads a force [N] on the left face of a doubled node, and its opposite on the right one."""
+        """Add opposite forces [N] on a doubled node's faces."""
         for unknown, direction in self._jumps.get(place, ()):
             load[unknown] -= float(apart @ direction)
 
     def motion(self, local: Array, load: Array) -> Array:
-        """Return the motion of every place, shape of ``mesh.positions``, from the local unknowns and their loads."""
+        """Return every place's motion from local unknowns and loads."""
         motion: Array = np.append(self.system.spread(local, load), 0.0)[self._number]
         for cell, unknowns in self._middles.items():
             motion[2 * cell[0] + 1, 2 * cell[1] + 1] = local[list(unknowns)]
         return motion
 
     def doubled_mesh(self, tip: MeshPlace) -> DoubledMesh:
-        """Return the mesh with a node for each face of a cut."""
+        """Return the mesh with a node per face of cuts."""
         number: dict[tuple[MeshPlace, float], int] = {}
         positions: list[Array] = []
         elements: dict[int, list[list[int]]] = {8: [], 6: []}
@@ -652,7 +655,7 @@ class SplitStiffness:
         )  # fmt: skip
 
     def outlines(self, motion: Array, local: Array, opening: float, tip: Array) -> list[Array]:
-        """Return the outlines of all elements after a motion of the places and of the local unknowns [m].
+        """Return all displaced element outlines [m].
 
         Faces of cuts are drawn ``opening`` [m] apart, less within 2 cm of the ``tip``.
         """
@@ -671,7 +674,7 @@ class SplitStiffness:
         return found
 
     def _share(self, cell: MeshPlace) -> tuple[Indices, Array]:
-        """Return the local unknowns of a cell, and its stiffness in them less that of its first shape."""
+        """Return a cell's local unknowns and the change of its stiffness."""
         first = self._whole[cell[0] * self._mesh.cells[1] + cell[1]]
         columns: dict[int, int] = {}
         terms = [(self._moves(whole(cell), columns, plain=True), -first)]
@@ -691,7 +694,7 @@ class SplitStiffness:
         return np.fromiter(columns, dtype=np.int64, count=n), 0.5 * (total + total.T)
 
     def _moves(self, part: Part, columns: dict[int, int], *, plain: bool = False) -> list[tuple[int, int, float]]:
-        """Return which motion of a part depends on which column of the local unknowns, and how much."""
+        """Return the map from local unknowns to a part's motion."""
         moves = []
         for k, place in enumerate(part.places):
             if place[0] % 2 and place[1] % 2:
@@ -709,5 +712,5 @@ class SplitStiffness:
 
 
 def _turn(start: Array, end: Array) -> float:
-    """Return the angle from one direction to the left to another [rad], 0 to 2 pi."""
+    """Return the left turn between directions [rad], 0 to 2 pi."""
     return math.atan2(start[0] * end[1] - start[1] * end[0], float(start @ end)) % (2.0 * math.pi)

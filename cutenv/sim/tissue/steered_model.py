@@ -1,4 +1,4 @@
-"""Finite-element model of a slab whose cut is not known beforehand.
+"""Finite-element model of a slab whose cut is not prescribed.
 
 Nodes move onto the crack and double behind it.
 """
@@ -32,11 +32,12 @@ from cutenv.sim.tissue.split_mesh import (
 
 
 class SteeredModel:
-    """Plane model of a slab, clamped at x = 0, with cuts that grow to where they are led.
+    """Plane model of a clamped slab with steered, growing cuts.
 
-    Places are (x, y): along the slab from the clamp, and across it to the left of its axis [m].  A crack goes from
-    corner to corner of the mesh; the next corner moves onto it, and a cell that it crosses is split.  Pairs of nodes
-    behind the tip slide along the crack, and neither open nor overlap.  The blade acts on the tip.
+    It is clamped at x = 0.  Places are (x, y): along the slab from the clamp, and across it to the left of its axis
+    [m].  A crack goes from corner to corner of the mesh; the next corner moves onto it, and a cell that it crosses is
+    split.  Pairs of nodes behind the tip slide along the crack, and neither open nor overlap.  The blade acts on the
+    tip.
 
     A cut that follows the edges of the mesh has the stiffness of :class:`~cutenv.sim.tissue.CutModel`, and along the
     line of ``line`` that of :class:`~cutenv.sim.tissue.PathModel`, on the same mesh.  The slab is factorised once; each
@@ -117,7 +118,7 @@ class SteeredModel:
 
     @property
     def path(self) -> Array:
-        """Nodes of the cut that grows, shape (n, 2): from its beginning to the tip [m]."""
+        """Nodes of the growing cut to its tip [m], (n, 2)."""
         return np.array([self.mesh.at(place) for place in self._crack.corners]).reshape(-1, 2)
 
     @property
@@ -127,7 +128,7 @@ class SteeredModel:
 
     @property
     def angle(self) -> float:
-        """Direction of the crack at its tip: angle to the axis of the slab [rad], positive to the left."""
+        """Crack direction from the slab's axis [rad], positive to the left."""
         return self._crack.angle
 
     @property
@@ -136,7 +137,7 @@ class SteeredModel:
         return len(self._body.system)
 
     def begin(self, at: ArrayLike = (0.0, 0.0), angle: float = 0.0) -> None:
-        """Begin a cut at the nearest corner of the mesh, which moves there; earlier cuts stay.
+        """Begin a cut at the nearest corner, moving it there.
 
         A beginning within the slab is a second tip, which stays where it is.
 
@@ -168,7 +169,7 @@ class SteeredModel:
         self._take(corner, angle)
 
     def cut_to(self, point: ArrayLike, angle: float | None = None) -> int:
-        """Lead the crack straight toward a point, as far as it passes nodes; return how many.
+        """Lead the crack towards a point; return the nodes passed.
 
         The tip stays behind the point by less than two elements.
 
@@ -227,7 +228,7 @@ class SteeredModel:
 
     @property
     def compliance(self) -> Array:
-        """Displacement of the tip per force on it, times modulus and thickness, along x and y, shape (2, 2)."""
+        """Tip compliance times modulus and thickness in x, y, (2, 2)."""
         unknowns = self._tip_unknowns()
         load = np.zeros((len(self._body.system), 2))
         load[unknowns, [0, 1]] = 1.0
@@ -235,11 +236,14 @@ class SteeredModel:
 
     @property
     def stiffness(self) -> Array:
-        """Force on the tip per displacement, modulus and thickness [1], along the crack and to its left, (2, 2)."""
+        """Tip stiffness over modulus and thickness [1], (2, 2).
+
+        Along the crack and to its left.
+        """
         return self._along_and_left(self.compliance)
 
     def converted_stiffness(self, element: float) -> Array:
-        """Return the stiffness that the model would have with square elements of a size at the tip.
+        """Return the stiffness with square elements at the tip.
 
         Nodes that moved onto the crack, and triangles, make elements of other sizes and shapes at every tip, which
         a point force feels; see :mod:`cutenv.sim.tissue.elasticity`.
@@ -254,7 +258,7 @@ class SteeredModel:
         return self._along_and_left(self.compliance - excess)
 
     def displacement(self, force: ArrayLike) -> Array:
-        """Return the displacement of every place by a force on the tip, times modulus and thickness [N].
+        """Return places' displacement times modulus and thickness [N].
 
         Parameters
         ----------
@@ -271,7 +275,7 @@ class SteeredModel:
         return self._body.motion(self._body.system.solve(load[:, np.newaxis])[:, 0], load)
 
     def pushed(self, forces: ArrayLike | None = None, pressure: float = 0.0) -> float:
-        """Return twice the energy that forces and a pressure on the faces of the cuts store, times modulus [N2].
+        """Return twice the stored energy, times modulus [N2].
 
         Parameters
         ----------
@@ -289,7 +293,7 @@ class SteeredModel:
         return float(load @ self._body.system.solve(load[:, np.newaxis])[:, 0])
 
     def outlines(self, force: ArrayLike = (0.0, 0.0), opening: float = 0.0) -> list[Array]:
-        """Return the outlines of the elements, each of shape (3 or 4, 2) [m], displaced by a force on the tip.
+        """Return displaced element outlines, each (3 or 4, 2) [m].
 
         Parameters
         ----------
@@ -304,7 +308,7 @@ class SteeredModel:
         return self._body.outlines(self._body.motion(local, load), local, opening, self.tip)
 
     def doubled_mesh(self) -> DoubledMesh:
-        """Return the mesh with a node for each face of the cuts, for another program."""
+        """Return the mesh with doubled cut nodes for another program."""
         return self._body.doubled_mesh(self._crack.tip)
 
     def _along_and_left(self, compliance: Array) -> Array:
@@ -323,7 +327,7 @@ class SteeredModel:
         self._body.touched(corner)
 
     def _grow(self, corner: MeshPlace, to: Array, angle: float | None, angle_between: float | None = None) -> None:
-        """Move a corner to the new tip, split the cell that the crack crosses, and double what is behind."""
+        """Move a corner to the tip, split the cell, double nodes."""
         last, mesh = self._crack.tip, self.mesh
         middle = halfway(last, corner)
         if corner[0] != last[0] and corner[1] != last[1]:

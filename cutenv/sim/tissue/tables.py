@@ -24,7 +24,7 @@ _KEYS = ("title", "source", "note", "erratum", "resolution", "printed_mean", "pr
 
 
 class Printed(NamedTuple):
-    """A number as printed, and the unit of its last printed digit (both in the unit of its column)."""
+    """Number as printed, with the unit of its last digit."""
 
     value: float
     resolution: float
@@ -61,13 +61,13 @@ class ThesisTable:
     printed_population_sd: Mapping[str, Printed]
 
     def __getitem__(self, column: str) -> Array:
-        """Return one column, shape (rows,); an unknown name is a ``ValueError`` that lists the known ones."""
+        """Return a column, (rows,); raise ValueError for unknown names."""
         return self.columns[one_of(f"column of Table {self.number}", column, self.columns)]
 
 
 @cache
 def table_numbers() -> tuple[str, ...]:
-    """Return the numbers of the tables that exist, in the thesis's order: ``("4.1", ..., "7.1")``."""
+    """Return the tables' numbers in thesis order: ``("4.1", ..., "7.1")``."""
     stems = (file.stem.removeprefix("table_") for file in resources.path("tables").glob("table_*_*.csv"))
     return tuple(stem.replace("_", ".") for stem in sorted(stems, key=lambda s: [int(n) for n in s.split("_")]))
 
@@ -111,7 +111,7 @@ def read_table(file: Path, *, number: str) -> ThesisTable:
 
 
 def errata() -> tuple[tuple[str, str], ...]:
-    """Return all known errata of the thesis: (number of the table with whose file it is kept, text)."""
+    """Return the thesis's known errata: (table number, text)."""
     return tuple((number, text) for number in table_numbers() for text in table(number).errata)
 
 
@@ -220,7 +220,7 @@ class FractureResistance(NamedTuple):
 
 
 def measured_fracture_resistance() -> FractureResistance:
-    """Return the apparent fracture resistance of pig liver: mean and standard deviation between cuts.
+    """Return pig liver's apparent fracture resistance: mean and SD.
 
     Returns
     -------
@@ -264,7 +264,7 @@ def derived_value(name: str) -> float:
 
 
 class DerivedConstant(NamedTuple):
-    """A derived constant: its value, unit, 95 % interval, source and script."""
+    """Derived constant: value, unit, 95 % interval, source and script."""
 
     value: float
     unit: str

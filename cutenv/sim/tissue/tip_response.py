@@ -53,7 +53,7 @@ class TipResponse:
 def stiffness_matrix(
     mesh: CutMesh, formulation: str, poisson: float, relative_modulus: Array | None = None
 ) -> csr_array[np.float64]:
-    """Assemble the stiffness of the two unconstrained halves at unit modulus (and, in 2-D, unit thickness).
+    """Assemble the unconstrained halves' stiffness at unit modulus (2-D: unit thickness).
 
     For a mixed element it is the indefinite matrix of displacements and pressures, in plane strain.
 
@@ -97,7 +97,7 @@ def sparse_factors(matrix: Any) -> SuperLU:
 
 
 def blade_unknowns(mesh: CutMesh, constraints: csr_array[np.float64]) -> Indices:
-    """Return the free unknowns that the blade moves at each tip, shape (n_tips, n_through)."""
+    """Return free unknowns the blade moves, shape (n_tips, n_through)."""
     rows = mesh.dim * mesh.tip_pairs[..., 0] + ALONG  # a tied pair is one unknown: the left node is enough
     return constraints.indices[constraints.indptr[rows]].astype(np.int64)  # the one entry of each row
 
@@ -152,7 +152,7 @@ def tip_responses(mesh: CutMesh, stiffness: csr_array[np.float64], *, slipping: 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TipInterpolation:
-    """Interpolation of stiffness and displacement over the cut length, from the element corners.
+    """Interpolation of stiffness and displacement over cut length.
 
     Mid-side nodes are not used as tips: their response to a point load is different.
 
@@ -174,11 +174,11 @@ class TipInterpolation:
         return PchipInterpolator(self.tips, self.response.stiffness)
 
     def stiffness(self, cut_length: Array) -> Array:
-        """Interpolate preserving shape (PCHIP); below the first corner hold its value."""
+        """Interpolate by PCHIP, constant below the first corner."""
         return np.asarray(self._curve(np.maximum(cut_length, self.tips[0])), dtype=np.float64)
 
     def shape(self, cut_length: float) -> Array:
-        """Return the displacement of every node per displacement of the tip, shape (n_nodes, dim).
+        """Return nodes' displacement per tip displacement, (n_nodes, dim).
 
         The fields per unit force for a tip on the corners to either side are blended linearly, and scaled so
         that the point at the cut length, on the straight line between these corners, moves by one.
@@ -189,7 +189,7 @@ class TipInterpolation:
         return shape
 
     def shared(self, cut_length: float) -> Array:
-        """Return the displacement of every node per force that the corners to either side share, (n_nodes, dim).
+        """Return nodes' displacement per force shared between corners, (n_nodes, dim).
 
         From the second row of elements around the tip on it is the displacement by a force between them. Below the
         first corner the clamp takes the rest.
@@ -198,7 +198,7 @@ class TipInterpolation:
         return blended
 
     def _blended(self, cut_length: float) -> tuple[Array, int, float]:
-        """Return the blend of the fields on the corners to either side, the first of these, and the second's weight."""
+        """Return the blended field, the first one, and the second's weight."""
         place = max(cut_length / self.tips[0] - 1.0, 0.0)  # in elements, from the first tip
         first = min(int(place), len(self.tips) - 2)
         w = place - first
