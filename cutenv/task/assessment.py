@@ -49,7 +49,7 @@ _TOTALS: dict[str, Any] = {
 
 
 def count_dtype(lanes: int) -> np.dtype[Any]:
-    """Return the structured dtype of the accumulators of a row's step, one of each for every lane."""
+    """Return the dtype of a row's step accumulators, per lane."""
     whole = {name: "i8" for name, entry in _TOTALS.items() if getattr(entry, "whole", False)}
     fields = [
         ("position", "f8"),  # memory between milliseconds, see PROGRESS
@@ -122,7 +122,7 @@ def _charge_lines() -> list[str]:
 
 
 def _charge_end_lines() -> list[str]:
-    """Give an end its gain and its costs, and an end for safety the largest that stopping could still have had."""
+    """Generate lines that charge an end's gains, costs and safety cost."""
     lines: list[str] = []
     passing: list[str] = []
     final: list[str] = []
@@ -221,7 +221,7 @@ class Millisecond(NamedTuple):
 
 @njit_inline
 def norm_held(felt: float, across: float, pull: float) -> float:
-    """Return the force with which the tissue holds a blade back or to a side [N].
+    """Return the force with which tissue holds a blade [N].
 
     ``felt`` and ``across`` are the parts along the blade and across it, ``pull`` is that along the cut: where it is
     negative, a blade that is drawn back feels friction.
@@ -232,7 +232,7 @@ def norm_held(felt: float, across: float, pull: float) -> float:
 
 @njit_inline
 def count_lane(count: Struct, k: Integer, now: Millisecond) -> None:
-    """Count a millisecond of lane ``k``; sets ``count.end``, an index in :data:`~cutenv.task.reward.ENDS`.
+    """Count a millisecond of lane ``k``, setting ``count.end`` (:data:`~cutenv.task.reward.ENDS`).
 
     ``count`` are the accumulators of a row (:func:`count_dtype`).
     """
@@ -259,7 +259,7 @@ def count_lane(count: Struct, k: Integer, now: Millisecond) -> None:
 
 @njit_inline
 def conclude(stepping: Any, k: Integer, action: StructArray, observation: StructArray, info: Struct) -> None:
-    """Conclude the step of lane ``k``: charge the reward's terms, remember the progress, fill the observation.
+    """Conclude lane ``k``'s step: reward terms, progress and observation.
 
     Parameters
     ----------
@@ -290,7 +290,10 @@ def conclude(stepping: Any, k: Integer, action: StructArray, observation: Struct
 
 @njit
 def succeeded(task: Struct, progress: Struct) -> bool:
-    """Return True if finished, with the tip within 3 mm of the target and the blade within 10 degrees of upright."""
+    """Return True for a finished, upright cut at the target.
+
+    The tip is within 3 mm of the target and the blade within 10 degrees of upright.
+    """
     near = tip_error(progress.tip, task.target) <= TIP_TOLERANCE
     upright = abs(0.5 * math.pi - progress.angle) <= ANGLE_TOLERANCE
     success: bool = progress.end == _FINISHED and near and upright
@@ -299,7 +302,7 @@ def succeeded(task: Struct, progress: Struct) -> bool:
 
 @njit
 def charge_end(task: Struct, progress: Struct, profile: Struct, info: Struct) -> None:
-    """Charge the terminal cost, the same for every end, and that of an end for safety; add what a success gains."""
+    """Charge an end's terminal and safety cost; add a success's gain."""
     tip = progress.tip
     stored = 0.5 * stiffness_at(profile, tip)[0] * lag(progress.position, tip) ** 2
     _charge_end(
@@ -310,7 +313,7 @@ def charge_end(task: Struct, progress: Struct, profile: Struct, info: Struct) ->
 
 @njit_inline
 def reward_of(numbers: StructArray, cut: Integer) -> float:
-    """Return the reward of a step: the sum of its terms in `info`, whose records are given as a flat float64 view."""
+    """Return a step's reward from infos as a flat float64 view."""
     total = 0.0
     for k in range(_FIRST_TERM, _LAST_TERM):
         total += numbers[N_FIELDS * cut + k]
@@ -319,7 +322,7 @@ def reward_of(numbers: StructArray, cut: Integer) -> float:
 
 @njit_inline
 def add_terms(numbers: StructArray, totals: StructArray) -> float:
-    """Add the terms of one cut's step to the ``totals`` of its episode; return the step's reward."""
+    """Add a step's reward terms to ``totals``; return the reward."""
     for k in range(len(totals)):
         totals[k] += numbers[_FIRST_TERM + k]
     return reward_of(numbers, 0)
@@ -327,7 +330,7 @@ def add_terms(numbers: StructArray, totals: StructArray) -> float:
 
 @njit_inline
 def tell(cuts: Any, c: Integer, info: Struct) -> None:
-    """Fill hidden state and energies of cut ``c`` of :class:`cutenv.task.declare.Cuts` in an info's record."""
+    """Fill an info's record with cut ``c``'s hidden state and energies."""
     state, specimen = cuts.states[c], cuts.specimens[c]
     place = min(int(state.tip * POINTS_PER_METRE + 0.5), N_POINTS - 1)
     _tell(
@@ -338,7 +341,7 @@ def tell(cuts: Any, c: Integer, info: Struct) -> None:
 
 @njit_inline
 def observe_rest(counts: StructArray, cuts: Any, c: Integer, angle: float, observation: StructArray) -> None:
-    """Fill the observation at the start: the blade at rest, force tared to zero; ``counts`` are zeros."""
+    """Fill the observation of a blade at rest, force tared."""
     task, position = cuts.tasks[c], cuts.progresses[c].position
     _fill(
         first_row(counts), 0, 0.0, 1, position, 0.0, angle, depth_at(cuts.nominals[c], position), 0.0, task.target,
@@ -348,5 +351,5 @@ def observe_rest(counts: StructArray, cuts: Any, c: Integer, angle: float, obser
 
 @njit_inline
 def charge_stored(task: Struct, energy: float, toughness: float, info: Struct) -> None:
-    """Charge a tissue that an end leaves loaded with an ``energy`` [J], at a tip whose R B is ``toughness`` [N]."""
+    """Charge an end for ``energy`` [J] stored at ``toughness`` R B [N]."""
     _charge_stored(task, energy, toughness, info)

@@ -41,7 +41,7 @@ def drawn_length(seed: Integer, episode: Integer) -> float:
 
 @njit
 def measure_depth(key: tuple[Integer, Integer], noise: float, modes: Array, depth: Array, measured: Array) -> None:
-    """Fill ``measured``, shape (301,), with the measured depth of cut [m]: true depth plus a smooth error."""
+    """Fill ``measured``, (301,), with depth [m] plus a smooth error."""
     smooth_field(key, DEPTH_ERROR, _FIRST, modes, measured)
     for i in range(len(depth)):
         measured[i] = max(depth[i] + noise * measured[i], MEASURABLE_DEPTH)
@@ -49,14 +49,14 @@ def measure_depth(key: tuple[Integer, Integer], noise: float, modes: Array, dept
 
 @njit_internal
 def begin_at(state: Struct, progress: Struct, place: float) -> None:
-    """Put a blade that stands at the clamp to ``place`` [m], where the cut that is already made ends: unloaded."""
+    """Put the blade, unloaded, at ``place`` [m], where the cut ends."""
     state.blade = state.tip = state.hand = place
     progress.position = progress.furthest = progress.tip = place
 
 
 @njit_internal
 def expect(nominal: Struct, profile: Struct) -> None:
-    """Fill stiffness and toughness of a ``profile`` with those of the mean tissue at its depth of cut."""
+    """Fill a profile with mean tissue at its depth of cut."""
     for i in range(N_POINTS):
         depth = profile.depth[i]
         profile.stiffness[i] = nominal_stiffness(nominal, i, depth)
@@ -79,7 +79,7 @@ class Start(NamedTuple):
 
 
 class Keys(NamedTuple):
-    """Random keys of n cuts, arrays of uint64, and the indices, shape (m,), of those that begin."""
+    """Random keys of n cuts, uint64, and indices of those that begin."""
 
     which: StructArray
     seeds: StructArray
@@ -87,7 +87,7 @@ class Keys(NamedTuple):
 
 
 class Drawing(NamedTuple):
-    """Tables from which specimens, surfaces and the lab's knowledge of them are drawn with a key."""
+    """Tables from which specimens, surfaces and lab knowledge are drawn."""
 
     recipe: StructArray
     """See :func:`cutenv.sim.tissue.specimen_kernels.sample_profiles`, and for ``modes``."""
@@ -105,18 +105,18 @@ class Drawing(NamedTuple):
 
 @njit_internal
 def know_start(cuts: Cuts, c: Integer) -> None:
-    """Let a rig know where blade and tip stand at the start of a cut."""
+    """Give a rig the start positions of blade and tip."""
     tip, place = cuts.known[c].tip[0], cuts.progresses[c].tip
     tip.position = tip.tip = place
 
 
 @compiled_for(njit)
 def begin_one(task: Task) -> Callable[..., None]:
-    """Return the function that begins what a task adds to a cut of gentle cutting."""
+    """Return the function that begins a task's additions to a cut."""
     begin, expect, from_truth = task.begin, task.expect, task.from_truth
 
     def begin_one(one: OneCut, given: tuple[Any, ...], key: tuple[Integer, Integer]) -> None:
-        """Begin one cut from what is ``given`` and a key: seed and episode."""
+        """Begin one cut from ``given`` and a key: seed, episode."""
         cuts = batch_of_one(one)
         if begin is not None:
             begin(cuts, 0, given, key)
@@ -130,7 +130,7 @@ def begin_one(task: Task) -> Callable[..., None]:
 
 @compiled_for(njit)
 def expect_one(task: Task) -> Callable[..., None]:
-    """Return the function that begins what a rig knows of a cut."""
+    """Return the function that begins a rig's knowledge of a cut."""
     expect = task.expect
 
     def expect_one(one: OneCut, given: tuple[Any, ...], key: tuple[Integer, Integer]) -> None:
@@ -158,7 +158,7 @@ def begin_some(task: Task) -> Callable[..., None]:
         observations: StructArray,
         vascular: StructArray,
     ) -> None:
-        """Reset the cuts with indices ``keys.which``, each from its own key, exactly as a single environment would.
+        """Reset the cuts ``keys.which``, each exactly as a single environment.
 
         Parameters
         ----------

@@ -71,17 +71,17 @@ class Cuts(NamedTuple):
 
     @classmethod
     def together(cls, cuts: Sequence[Cuts]) -> Cuts:
-        """Return several cuts, each of shape (n,), in one; what they share is that of the first."""
+        """Join cuts, each of shape (n,); the first one's shared data stay."""
         parts = zip(*cuts, strict=True)
         return cls(*map(np.concatenate, parts))._replace(shared=cuts[0].shared)
 
     def repeated(self, counts: Any) -> Cuts:
-        """Return copies, each cut as often as ``counts`` says, an int or an array of shape (n,)."""
+        """Return copies of cuts, repeated by ``counts``, int or shape (n,)."""
         parts = (np.repeat(part, counts, axis=0) for part in self._replace(shared=self.states))
         return Cuts(*parts)._replace(shared=self.shared)
 
     def straight(self) -> Cuts:
-        """Return the cuts without their motion and the whole cut's assessment; the others are the same arrays."""
+        """Return views of cuts without motion and whole-cut assessment."""
         nothing = np.zeros(len(self.states), NOTHING)
         return self._replace(
             motions=nothing, shared=np.zeros(1, NOTHING), known=nothing, wholes=np.zeros(len(nothing), WHOLE)
@@ -114,14 +114,14 @@ class Stepping(NamedTuple):
 
 @njit_inline
 def delayed(known: Struct, sensor: Struct, tick: int, force: float) -> float:
-    """Return the force across the cut [N] that a sensor reads, as late as that along it, for the present one."""
+    """Return the measured force across the cut [N], with sensor delay."""
     known.late[tick & WRAP] = force
     return known.late[(tick - sensor.delay) & WRAP]  # type: ignore[no-any-return]
 
 
 @njit_inline
 def in_steps(force: float, resolution: float) -> float:
-    """Return a force [N] rounded to a sensor's resolution [N], if it has one."""
+    """Return a force [N], rounded to any sensor resolution [N]."""
     if resolution == 0.0:
         return force
     return resolution * math.floor(force / resolution + 0.5)
@@ -149,7 +149,7 @@ OF_CUT = ("state", "motion", "whole", "target", "tip")
 
 @dataclass(frozen=True, kw_only=True)
 class CutNumber:
-    """Number of a cut so far that a task adds to the info: an error of the whole cut, or hidden state."""
+    """Whole-cut error or hidden state that a task adds to info."""
 
     name: str
     """Name with unit."""
@@ -257,7 +257,7 @@ class Task(Declaration):
 
     @cached_property
     def seen(self) -> Task:
-        """The same task, assessed by what a rig sees: tip, runs and the whole cut are estimates."""
+        """Task that assesses by estimates of tip, runs and whole cut."""
         return self if not self.from_truth else replace(self, place=f"{self.place}.seen", from_truth=False)
 
     @cached_property
@@ -282,7 +282,7 @@ class Task(Declaration):
 
     @cached_property
     def known(self) -> np.dtype[Any]:
-        """Structured dtype of a rig's knowledge of a cut, from tip to measurements; empty where truth is known."""
+        """Dtype of a rig's knowledge of a cut; empty with truth."""
         if self.from_truth:
             return NOTHING
         fields = [
@@ -294,12 +294,12 @@ class Task(Declaration):
         return np.dtype((np.record, fields))
 
     def counts(self, lanes: int) -> np.dtype[Any]:
-        """Return the structured dtype of the counts of a step, one number for each lane."""
+        """Return the dtype of a step's counts for all lanes."""
         return np.dtype((np.record, [(name, "f8", (lanes,)) for name in self.counted]))
 
     @cached_property
     def episode(self) -> np.dtype[Any]:
-        """Return the dtype of an episode in one record, beside the cut; each part is an array of shape (1,)."""
+        """Return the dtype of an episode as one record of (1,) arrays."""
         parts = {
             "tasks": TASK, "progresses": PROGRESS, "nominals": PROFILE, "specimens": SPECIMEN,
             "known": self.known, "wholes": self.whole,
@@ -311,11 +311,11 @@ class Task(Declaration):
 
     @cached_property
     def numbers(self) -> tuple[CutNumber, ...]:
-        """Numbers of a cut that the task adds to the info: hidden state, then errors of the whole cut."""
+        """Task's numbers in info: hidden state, then whole-cut errors."""
         return (*self.truth, *self.errors)
 
     def numbers_of(self, cuts: Cuts) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return hidden state and errors of n cuts by name, each of shape (n,)."""
+        """Return n cuts' hidden state and errors by name, each (n,)."""
         if not self.numbers:
             return {}, {}
         values = np.empty((len(self.numbers), len(cuts.states)))
@@ -327,13 +327,13 @@ class Task(Declaration):
         )
 
     def charges(self, wholes: StructArray, prefix: str = "term") -> dict[str, Any]:
-        """Return the costs of the whole cut in the last step, or with "total" since reset, by name; each of (n,)."""
+        """Return whole-cut costs of the step, or "total", each (n,)."""
         return {cost.name: wholes[f"{prefix}_{cost.name}"] for cost in self.costs}
 
 
 @compiled_for(njit_fused)
 def charge(task: Task) -> Any:
-    """Return the function that charges the costs of a step in the record of the whole cut, for a target length [m]."""
+    """Return the function that charges a step's costs by target length."""
     lines = []
     for cost in task.costs:
         value = expression(cost.value, task.quantities, {name: f"whole.{name}" for name in task.quantities[:-1]})
@@ -347,14 +347,14 @@ def charge(task: Task) -> Any:
 
 @compiled_for(njit_fused)
 def terms(task: Task) -> Any:
-    """Return the function that adds up the costs of a step in the record of the whole cut."""
+    """Return the function that sums a step's whole-cut costs."""
     total = " + ".join(f"whole.term_{cost.name}" for cost in task.costs)
     return fuse("terms", ["whole"], [f"return {total}"], [__name__])
 
 
 @compiled_for(njit_fused)
 def compute_numbers(task: Task) -> Any:
-    """Return the function that computes a task's numbers of cut number n."""
+    """Return the function that computes cut n's task numbers."""
     lines = [f"values[{k}, n] = {expression(one.value, OF_CUT)}" for k, one in enumerate(task.numbers)]
     return fuse("compute_numbers", [*OF_CUT, "values", "n"], lines, [__name__])
 
@@ -368,7 +368,7 @@ def fill_numbers(task: Task) -> Callable[..., None]:
         states: StructArray, motions: StructArray, wholes: StructArray, tasks: StructArray, progresses: StructArray,
         values: Array,
     ) -> None:  # fmt: skip
-        """Compute :attr:`Task.numbers` of n cuts, records of shape (n,), into ``values``, shape (numbers, n)."""
+        """Fill ``values``, (numbers, n), with :attr:`Task.numbers` of n cuts."""
         for n in range(len(states)):
             compute(states[n], motions[n], wholes[n], tasks[n].target, progresses[n].tip, values, n)
 
@@ -377,7 +377,10 @@ def fill_numbers(task: Task) -> Callable[..., None]:
 
 @compiled_for(njit_internal)
 def command_of(task: Task) -> Callable[[float], float]:
-    """Return the function that turns a third action, -1 to 1, into a command: 0 in the dead zone, linear beyond."""
+    """Return the function that turns a third action into a command.
+
+    Actions are from -1 to 1: 0 in the dead zone, linear beyond.
+    """
     scale = 0.0 if task.axis is None else task.axis.scale
 
     def command(action: float) -> float:
@@ -387,7 +390,7 @@ def command_of(task: Task) -> Callable[[float], float]:
 
 
 def whole_fields(costs: Sequence[WholeCutTerm]) -> list[tuple[str, str]]:
-    """Return the fields of a whole cut's record that hold a success, the costs of the step, and those since reset."""
+    """Return whole-cut fields: success, step costs, and costs since reset."""
     return [
         ("success", "i8"),
         *((f"term_{cost.name}", "f8") for cost in costs),
@@ -396,7 +399,7 @@ def whole_fields(costs: Sequence[WholeCutTerm]) -> list[tuple[str, str]]:
 
 
 def observer(components: Sequence[Component], modules: Collection[str]) -> Any:
-    """Return the function that fills components, by quantities of their names, after those of gentle cutting."""
+    """Return the function that fills a task's components by name."""
     lines = [
         f"observation[{number}] = min(max({one.name} / {one.scale!r}, {-CLIP}), {CLIP})"
         for number, one in enumerate(components, start=len(COMPONENTS))
@@ -405,7 +408,7 @@ def observer(components: Sequence[Component], modules: Collection[str]) -> Any:
 
 
 def settings_record(dtype: np.dtype[Any], constants: Any) -> StructArray:
-    """Return a record, shape (1,), with the fields of a dataclass of constants."""
+    """Return a constants dataclass as a record, shape (1,)."""
     record = np.zeros(1, dtype)
     for name in type(constants).__dataclass_fields__:
         record[name] = getattr(constants, name)

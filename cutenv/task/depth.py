@@ -151,7 +151,7 @@ _fill = observer(DEPTH_COMPONENTS, [__name__])
 
 @njit_internal
 def survey_floor(depth: Struct, descent: Struct, low: float) -> None:
-    """Bring the sums over the floor of the cut up to date from position ``low`` [m] to the tip."""
+    """Update sums over the floor from ``low`` [m] to the tip."""
     for i in range(min(max(int(low * POINTS_PER_METRE) - 1, 0), depth.counts), descent.cell + 1):
         now, before, wanted = descent.surface[i] - descent.floor[i], depth.counted[i], depth.wanted[i]
         if now == before:
@@ -170,20 +170,20 @@ def survey_floor(depth: Struct, descent: Struct, low: float) -> None:
 
 @njit_inline
 def survey(depth: Struct, descent: Struct, step: Struct, k: Integer, tip: float) -> None:
-    """Bring the sums over the floor up to date, from where the edge has been in this step."""
+    """Update the floor's sums from where the edge was this step."""
     survey_floor(depth, descent, step.reached[k] - descent.edge_length)
 
 
 @njit_inline
 def begin_step(step: Struct, k: Integer, place: float) -> None:
-    """Prepare a step of lane ``k`` for an edge whose leading end is at ``place`` [m]."""
+    """Prepare lane ``k``'s step, with the edge's leading end at ``place``."""
     step.reached[k], step.updates[k] = place, 0.0
     step.vertical_sum[k], step.vertical_max[k] = 0.0, -math.inf
 
 
 @njit_inline
 def count(step: Struct, k: Integer, place: float, tip: float, vertical: float) -> None:
-    """Count a millisecond of lane ``k``: blade, tip [m], vertical force [N]."""
+    """Count a millisecond of lane ``k``: blade, tip [m], force [N]."""
     step.reached[k] = min(step.reached[k], min(place, tip))
     step.updates[k] += 1.0
     step.vertical_sum[k] += vertical
@@ -192,15 +192,16 @@ def count(step: Struct, k: Integer, place: float, tip: float, vertical: float) -
 
 @njit_inline
 def breached(depth: Struct) -> bool:
-    """Return True if the layer below is opened deeper than its limit."""
+    """Return True if the lower layer is opened beyond its limit."""
     return depth.deepest > depth.layer_limit  # type: ignore[no-any-return]
 
 
 @njit_inline
 def achieved(depth: Struct, target: float) -> bool:
-    """Return True if mean error of the depth and depth into the layer below are within the tolerances of a success.
+    """Return True if depth errors are within the success's tolerances.
 
-    The mean is that of the length that is left to cut at the start.
+    They are the mean error of the depth and the depth into the layer below.  The mean is that of the length that is
+    left to cut at the start.
     """
     mean: float = (depth.deep + depth.uncut) / max(target - depth.begun, SPACING)
     return mean <= DEPTH_TOLERANCE and depth.deepest <= LAYER_TOLERANCE
@@ -208,7 +209,7 @@ def achieved(depth: Struct, target: float) -> bool:
 
 @njit_internal
 def left_loaded(cuts: Cuts, c: Integer) -> tuple[float, float]:
-    """Return the energy that a cut leaves stored [J], also in a floor that is pressed, and R B at the tip [N]."""
+    """Return stored energy [J], floor included, and tip R B [N]."""
     state, profile, pressed = cuts.states[c], cuts.profiles[c], cuts.motions[c].pressed
     if pressed <= 0.0:
         return -1.0, 1.0
@@ -220,14 +221,14 @@ def left_loaded(cuts: Cuts, c: Integer) -> tuple[float, float]:
 
 @njit_inline
 def depth_along(depths: StructArray, position: float) -> float:
-    """Return a depth [m] at ``position`` [m], from its values along the cut, shape (301,)."""
+    """Interpolate ``depths``, (301,) [m], at ``position`` [m]."""
     i, share = grid_index(position)
     return lerp(depths, i, share)
 
 
 @njit_internal
 def wanted_at(depth: Struct, measured: StructArray, position: float) -> float:
-    """Return the wanted depth [m] at ``position`` [m] as it is shown; the specimen's own profile as it was measured."""
+    """Return the wanted depth [m] shown at ``position`` [m]."""
     if depth.level_wanted == 1:
         return depth_along(measured, position)
     at = min(max(position, 0.0) * POINTS_PER_METRE, N_POINTS - 1.0)
@@ -240,7 +241,7 @@ def fill_depth(
     depth: Struct, descent: Struct, measured: StructArray, position: float, forces: tuple[float, float, float],
     last_descent: float, observation: StructArray,
 ) -> None:  # fmt: skip
-    """Fill the components of ``observation`` that depth adds, for vertical ``forces`` now, in the mean and at most."""
+    """Fill depth's components with vertical forces: now, mean and largest."""
     _fill(
         forces[0], forces[1], forces[2], depth_along(measured, position) - descent.level, -descent.level_speed,
         wanted_at(depth, measured, position), wanted_at(depth, measured, position + LOOK_AHEAD[0]),
@@ -251,7 +252,7 @@ def fill_depth(
 
 @njit_internal
 def observe(stepping: Stepping, k: Integer, action: StructArray, observation: StructArray) -> None:
-    """Fill the components that depth adds; the sensor's noise is drawn once for each decision."""
+    """Fill depth's components, drawing sensor noise once per decision."""
     cuts, step, c = stepping.cuts, stepping.step, stepping.row.cut[k]
     depth, descent, sensor, tick = cuts.wholes[c], cuts.motions[c], cuts.sensors[c], cuts.states[c].tick
     counter, updates = _NORMALS * tick, cuts.progresses[c].updates
@@ -269,14 +270,14 @@ def observe(stepping: Stepping, k: Integer, action: StructArray, observation: St
 
 @njit_internal
 def observe_start(cuts: Cuts, c: Integer, descent: Struct, observation: StructArray) -> None:
-    """Fill the components that depth adds at the start: force tared to zero."""
+    """Fill depth's components at the start, force tared to zero."""
     position = cuts.progresses[c].position
     fill_depth(cuts.wholes[c], descent, cuts.nominals[c].depth, position, (0.0, 0.0, 0.0), 0.0, observation)
 
 
 @njit_inline
 def fetch(cuts: Cuts, i: int, first: Integer, last: Integer) -> None:
-    """Prefetch vertical motion and depth of two cuts of the next row, ``first`` to before ``last``."""
+    """Prefetch two cuts' vertical motion and depth for the next row."""
     for c in range(first + 2 * i, min(first + 2 * (i + 1), last)):
         descent, depth = cuts.motions[c], cuts.wholes[c]
         place = grid_index(cuts.states[c].tip)[0]
@@ -293,7 +294,7 @@ def fetch(cuts: Cuts, i: int, first: Integer, last: Integer) -> None:
 
 @njit_internal
 def begin(cuts: Cuts, c: Integer, given: tuple[float, float, int, int], key: tuple[Integer, Integer]) -> None:
-    """Begin wanted depth, layer and place of the blade of a cut.
+    """Begin a cut's wanted depth, layer and blade place.
 
     ``given`` are the fracture part of the resistance, the bed's stiffness over the modulus, the kind of wanted depth,
     and 1 if the layer below is drawn.
@@ -332,7 +333,7 @@ def begin(cuts: Cuts, c: Integer, given: tuple[float, float, int, int], key: tup
 
 @njit_internal
 def expect(cuts: Cuts, c: Integer, given: tuple[float, float, int, int], key: tuple[Integer, Integer]) -> None:
-    """Begin the wanted depth and the floor that a rig expects, of a cut at the clamp; ``given``: see :func:`begin`."""
+    """Begin a rig's expected floor; ``given`` as in :func:`begin`."""
     measured, depth, descent = cuts.nominals[c].depth, cuts.wholes[c], cuts.known[c].motion[0]
     kind, target = given[2], cuts.tasks[c].target
     for i in range(N_POINTS):
@@ -351,13 +352,13 @@ def expect(cuts: Cuts, c: Integer, given: tuple[float, float, int, int], key: tu
 
 @njit
 def drawn_layer(descents: StructArray, wanted: Array, key: tuple[Integer, Integer]) -> None:
-    """Put the layer of this key below the ``wanted`` depth [m], shape (301,), into ``descents``, shape (1,)."""
+    """Put a key's layer below the wanted depth [m], (301,)."""
     draw_layer(key[0], key[1], wanted, descents[0])
 
 
 @njit_internal
 def measure(stepping: Stepping, k: Integer) -> None:
-    """Let a simulated rig read its height and the vertical force, with the noise of this millisecond."""
+    """Measure height and vertical force with this millisecond's noise."""
     c = stepping.row.cut[k]
     cuts, levels = stepping.cuts, stepping.moving.lanes
     known, depth, sensor, tick = cuts.known[c], cuts.wholes[c], cuts.sensors[c], stepping.row.tick[k]
@@ -370,7 +371,7 @@ def measure(stepping: Stepping, k: Integer) -> None:
 
 @njit_internal
 def expect_at(cuts: Cuts, c: Integer, first: bool, tick: int, position: float) -> None:
-    """Let the profile around tip and blade be that at the depth to which the blade is engaged."""
+    """Update the expected profile to the blade's engaged depth."""
     known = cuts.known[c]
     descent = known.motion[0]
     if first:
@@ -385,7 +386,7 @@ def expect_at(cuts: Cuts, c: Integer, first: bool, tick: int, position: float) -
 
 @njit_internal
 def _engage(profile: Struct, mean: Struct, descent: Struct, position: float) -> None:
-    """Let the profile around tip and blade be that of the mean tissue at the depth to which the blade is engaged."""
+    """Update the profile around tip and blade from mean tissue."""
     last = min(int(max(position, 0.0) * POINTS_PER_METRE) + _AHEAD, N_POINTS - 1)
     for k in range(max(min(descent.cell, last) - 1, 0), last + 1):
         engaged = descent.level if k > descent.cell else max(descent.level, descent.floor[k])
@@ -404,7 +405,7 @@ def learn(known: Struct, tick: int, position: float, tip: float) -> None:
 
 @njit_internal
 def observe_seen(stepping: Stepping, k: Integer, action: StructArray, observation: StructArray) -> None:
-    """Fill the components that depth adds, and the depth of cut at level 0, from what a rig has measured."""
+    """Fill depth's components, and surface depth, from a rig's measurements."""
     cuts, step, c = stepping.cuts, stepping.step, stepping.row.cut[k]
     depth, known, position = cuts.wholes[c], cuts.known[c], cuts.progresses[c].position
     descent, updates = known.motion[0], max(step.updates[k], 1.0)
@@ -433,7 +434,7 @@ _FURTHER = 0.005  # [m]
 
 @njit
 def hide(cuts: Cuts, which: StructArray, hidden: Array) -> None:
-    """Fill the privileged features that depth adds, a row for each of the cuts ``which``."""
+    """Fill depth's privileged features for the cuts ``which``."""
     for m in range(len(which)):
         n = which[m]
         state, measured, task, descent, depth = (
@@ -579,11 +580,11 @@ class DepthOptions(TaskOptions):
     task = DEPTH_CUT
 
     def whole(self) -> StructArray:
-        """Return the record of a cut's depth before it begins, :data:`DEPTH` of shape (1,)."""
+        """Return a cut's initial depth record, :data:`DEPTH`, (1,)."""
         return settings_record(DEPTH, self.constants)
 
     def motion(self, specimen: Specimen) -> StructArray:
-        """Return the vertical motion before a cut begins, :data:`~cutenv.sim.cutting.descent.DESCENT` of shape (1,)."""
+        """Return the initial vertical motion, :data:`~cutenv.sim.cutting.descent.DESCENT`, (1,)."""
         return descent_records([specimen], specimen.tissue.layers if self.layer else None, self.descent)
 
     def shared(self, tissue: TissueDescription) -> StructArray:
@@ -591,7 +592,7 @@ class DepthOptions(TaskOptions):
         return shared_record(tissue)
 
     def expected(self, tissue: TissueDescription) -> StructArray:
-        """Return the motion of a blade in the mean tissue, :data:`EXPECTED` of shape (1,)."""
+        """Return a blade's motion in mean tissue, :data:`EXPECTED`, (1,)."""
         record = np.zeros(1, EXPECTED)
         record["toughness"] = (1.0 - tissue.friction_share) * tissue.fracture_resistance
         record["modulus"], record["bed"] = tissue.modulus, self.descent.bedding * tissue.modulus
@@ -605,7 +606,7 @@ class DepthOptions(TaskOptions):
         return 1.0 - tissue.friction_share, self.descent.bedding, self.wanted, int(self.layer)
 
     def shown_depth(self, cuts: Cuts, number: int) -> ShownDepth:
-        """Return a copy of the depth of one of n cuts as a picture shows it."""
+        """Return a copy of one cut's depth for a picture."""
         return depth_shown(cuts.motions[number].copy(), cuts.wholes[number].copy())
 
     def episode(self, plant: Any, goal: Goal, *, from_truth: bool | None = None) -> DepthEpisode:
@@ -614,7 +615,7 @@ class DepthOptions(TaskOptions):
 
 
 def depth_shown(descent: Struct, depth: Struct) -> ShownDepth:
-    """Return the depth of a cut as a picture shows it, from its vertical motion and its assessment."""
+    """Return a cut's depth for a picture from motion and assessment."""
     surface = descent["surface"]
     return ShownDepth(
         float(descent["level"]), surface, descent["floor"], surface - depth["wanted"],
@@ -632,7 +633,10 @@ class DepthEpisode(Episode):
     _level_before = 0.0
 
     def step(self, action: Array) -> tuple[Array32, float]:
-        """Command an action (3 numbers in [-1, 1]) for one decision; return observation, shape (22,), and reward."""
+        """Command an action for one decision; return observation, (22,), and reward.
+
+        An action is 3 numbers in [-1, 1].
+        """
         self._level_before = float(self.motion["level"][0])
         return super().step(action)
 
@@ -658,11 +662,11 @@ class DepthEpisode(Episode):
 
     @property
     def start_level(self) -> float:
-        """Level of the blade at which a cut on a rig starts [m]."""
+        """Blade level at the start of a rig's cut [m]."""
         return float(self.motion["floor"][0, 0])
 
     def layers_below(self) -> Layers:
-        """Return the layers that ``cutenv/DepthCut-v1`` draws for this key, to be laid on an imitated rig."""
+        """Return layers that ``cutenv/DepthCut-v1`` draws for this key."""
         assert self.goal.key is not None  # a cut has one
         key = np.uint64(self.goal.key[0]), np.uint64(self.goal.key[1])
         drawn, known = self.motion.copy(), self.goal.tissue.layers or Layers()
@@ -674,18 +678,18 @@ class DepthEpisode(Episode):
 
     @property
     def floor(self) -> Array:
-        """Depth of the cut below the surface at each point [m], shape (301,); 0 where nothing is cut."""
+        """Depth of cut at each point [m], (301,), 0 if uncut."""
         cut: Array = self.motion["surface"][0] - self.motion["floor"][0]
         return cut
 
     @property
     def floor_to_tip(self) -> Array:
-        """Depth of the cut at each point from the clamp to the tip [m], shape (n,)."""
+        """Depth of cut from clamp to tip [m], shape (n,)."""
         return np.maximum(self.floor[: int(self.motion["cell"][0]) + 1], 0.0)
 
     @property
     def noted(self) -> dict[str, Any]:
-        """Target length and wanted depth for the metadata of a record, by key."""
+        """Target length and wanted depth by key of record metadata."""
         from cutenv.records.measurement.depth import WANTED_DEPTH_KEY, corners  # slow to import, for a record alone
 
         wanted = self.whole["wanted"][0]
@@ -693,7 +697,7 @@ class DepthEpisode(Episode):
 
     @property
     def given_depth(self) -> dict[str, Any]:
-        """Depths that are given, by key of a record's metadata: the wanted one, and the layer below if there is one."""
+        """Given depths by metadata key: wanted, and any layer below."""
         from cutenv.records.measurement.depth import LAYER_DEPTH_KEY, WANTED_DEPTH_KEY
 
         given, boundary = {WANTED_DEPTH_KEY: self.noted[WANTED_DEPTH_KEY]}, float(self.motion["boundary"][0])
@@ -701,7 +705,7 @@ class DepthEpisode(Episode):
 
     @property
     def noted_map(self) -> dict[str, Any]:
-        """Notes of a simulated record on its depth, by key of its metadata: errors, given depths, floor at the end."""
+        """Simulated depth's notes by metadata key: errors, given depths, floor."""
         from cutenv.records.scoring.truth import FLOOR_AT_END
 
         errors = {name: round(value, 3) for name, value in self.errors.items()}
@@ -709,13 +713,13 @@ class DepthEpisode(Episode):
 
 
 def _ways_of(channels: dict[str, Array]) -> Array:
-    """Return heights and vertical forces as the task takes them, shape (n, WAYS)."""
+    """Return heights and vertical forces for the task, (n, WAYS)."""
     ways = np.zeros((len(channels["height"]), WAYS))
     ways[:, _HEIGHT], ways[:, _VERTICAL] = channels["height"], channels["vertical_force"]
     return ways
 
 
 def to_depth_action(speed: float, angle: float, descent_speed: float) -> Array32:
-    """Return the action, shape (3,), for a speed [m/s], an angle [rad] and a speed downwards [m/s]; clipped."""
+    """Return a clipped action, (3,), for speeds [m/s] and angle [rad]."""
     descent = speed_action(descent_speed * (SPEED_SCALE / DESCENT_SCALE))
     return np.append(to_action(speed, angle), np.float32(np.clip(descent, -1.0, 1.0))).astype(np.float32)

@@ -31,7 +31,7 @@ _GROUPS = {group: tuple(field.name for field in fields) for group, fields in GRO
 
 
 def nominal_profile(tissue: TissueDescription, depth: NDArray[np.float64]) -> StructArray:
-    """Return the profile that a rig expects, shape (1,): mean modulus and resistance, and the measured depth [m]."""
+    """Return a rig's expected profile, (1,): mean tissue, measured depth [m]."""
     profile = np.zeros(1, PROFILE)
     profile["depth"] = depth
     _expect(nominal_tissue(tissue), profile)
@@ -45,7 +45,7 @@ def _expect(nominal: StructArray, profiles: StructArray) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class Goal:
-    """Tissue, target and beginning of a cut, and all by which it is assessed."""
+    """Tissue, target, beginning and assessment of a cut."""
 
     tissue: TissueDescription
     """Tissue that a rig assumes; gives nominal stiffness and friction."""
@@ -89,26 +89,26 @@ class TaskOptions:
         self.given = {name: keywords[name] for name in self.names if name in keywords}
 
     def check_length(self, length: float) -> None:
-        """Raise ValueError if a cut of a target length [m] does not fit."""
+        """Raise ValueError if a target length [m] does not fit."""
 
     def drawn_length(self, tissue: TissueDescription, seed: int, episode: int) -> float:
-        """Return the target length of a key [m], where none is given."""
+        """Return a key's drawn target length [m]."""
         return float(drawn_length(np.uint64(seed), np.uint64(episode)))
 
     def whole(self) -> StructArray | None:
-        """Return the record of the whole cut before it begins, shape (1,); None: zeros."""
+        """Return the initial whole-cut record, (1,), or None for zeros."""
         return None
 
     def motion(self, specimen: Specimen) -> StructArray | None:
-        """Return the record of the motion before a cut begins, shape (1,); None: zeros."""
+        """Return the initial motion record, (1,), or None for zeros."""
         return None
 
     def shared(self, tissue: TissueDescription) -> StructArray:
-        """Return the record that all cuts of a tissue share, shape (1,)."""
+        """Return the record shared by a tissue's cuts, shape (1,)."""
         return np.zeros(1, self.task.motion.shared)
 
     def expected(self, tissue: TissueDescription) -> StructArray | None:
-        """Return the record of the motion that a rig expects, shape (1,); None: zeros."""
+        """Return a rig's expected motion record, (1,), or None for zeros."""
         return None
 
     def episode(self, plant: Any, goal: Goal, *, from_truth: bool | None = None) -> Episode:
@@ -116,11 +116,11 @@ class TaskOptions:
         return Episode(plant, goal, self, from_truth=from_truth)
 
     def shown_depth(self, cuts: Cuts, number: int) -> ShownDepth | None:
-        """Return a copy of the depth of one of n cuts as a picture shows it; None where no depth is wanted."""
+        """Return a copy of a cut's depth for a picture, or None."""
         return None
 
     def beginning(self, tissue: TissueDescription) -> tuple[Any, ...]:
-        """Return what the task's hook ``begin`` takes besides the cut and its key."""
+        """Return the task's arguments for its hook ``begin``."""
         return ()
 
 
@@ -205,7 +205,7 @@ class Episode:
         )  # fmt: skip
 
     def step(self, action: NDArray[np.float64]) -> tuple[NDArray[np.float32], float]:
-        """Command an action, numbers in [-1, 1], for one decision; return observation, shape (k,), and reward."""
+        """Command an action for one decision; return observation, (k,), and reward."""
         self.last_action = action
         if not self.simulated:
             return self._assess(self._advance(*action.tolist()))
@@ -215,7 +215,7 @@ class Episode:
         return observation, reward
 
     def _advance(self, speed: float, angle: float, third: float = 0.0) -> StructArray:
-        """Command an action's numbers to a rig for one decision; returns its readings."""
+        """Command an action to a rig for one decision; return readings."""
         axis = self.task.axis
         further = {} if axis is None else {axis.command: float(command_of(self.task)(third))}
         readings: StructArray = self.plant.advance(
@@ -224,11 +224,11 @@ class Episode:
         return readings
 
     def _measured(self, count: int) -> tuple[dict[str, Array], Array]:
-        """Return what is measured besides the readings: by field of a trace, and as a task takes it, (count, WAYS)."""
+        """Return further measurements, by trace field and as array (count, WAYS)."""
         return {}, np.zeros((count, WAYS))
 
     def stopped(self, readings: StructArray) -> tuple[NDArray[np.float32], float]:
-        """End a cut whose plant was stopped by the rig's safety in the step after ``readings``; a safety end.
+        """End a cut that rig safety stopped after ``readings``.
 
         Returns
         -------
@@ -239,7 +239,7 @@ class Episode:
         return observation, reward + self.charge_stop()
 
     def charge_stop(self) -> float:
-        """End a cut that was stopped by the rig's safety; return what that adds to the reward."""
+        """End a cut stopped by rig safety; return its added reward."""
         before = self.terms.copy()
         if not self._end:
             self.progress["end"] = self._end = ENDS.index("force_limit")
@@ -267,7 +267,7 @@ class Episode:
         return observation, reward
 
     def rest(self, angle: float) -> NDArray[np.float32]:
-        """Return the observation at the start: the blade at rest, force tared to zero."""
+        """Return the start's observation: blade at rest, force tared."""
         last_angle = (angle - ANGLE_CENTRE) / ANGLE_SCALE
         self.last_action = np.array([0.0, last_angle, *np.zeros(len(self.task.action_names) - 2)])
         observation = np.empty(self._components, np.float32)
@@ -283,12 +283,12 @@ class Episode:
 
     @property
     def channels(self) -> dict[str, Array]:
-        """Further measurements at these readings, by field of a trace; none where the blade keeps its height."""
+        """Further measurements at these readings by trace field; none by default."""
         return {name: values[: self.updates] for name, values in self._channels.items()}
 
     @property
     def across(self) -> Array:
-        """Force across the cut at the readings of a simulated cut since the last decision [N], shape (ticks,).
+        """Force across a simulated cut since the decision [N], (ticks,).
 
         It is the true one, or as measured where a rig sees the cut.
         """
@@ -296,12 +296,12 @@ class Episode:
 
     @property
     def noted_map(self) -> dict[str, Any]:
-        """Notes of a simulated record on the map of the cut, by key of its metadata; none where nothing is followed."""
+        """Simulated record's map notes by metadata key; none by default."""
         return {}
 
     @property
     def noted(self) -> dict[str, Any]:
-        """Facts about the task for the metadata of a record, by key."""
+        """Facts about the task by key of record metadata."""
         return {"target_length_m": self.target_length}
 
     @property
@@ -321,7 +321,7 @@ class Episode:
 
     @property
     def updates(self) -> int:
-        """Milliseconds of the last decision that count: all, or those up to the end."""
+        """Milliseconds of the last decision up to any end."""
         return int(self.progress["updates"][0])
 
     @property
@@ -346,17 +346,17 @@ class Episode:
 
     @property
     def motion(self) -> StructArray:
-        """The motion of the blade, shape (1,): true and hidden, or expected where the cut is seen as on a rig."""
+        """Blade motion, (1,): hidden truth, or expected on a rig."""
         motion: StructArray = self._cuts.motions if self.task.from_truth else self._cuts.known["motion"][0]
         return motion
 
     @property
     def terms(self) -> NDArray[np.float64]:
-        """The reward of the last step by term of gentle cutting, shape (13,): a view."""
+        """Last step's reward by gentle-cutting term, (13,), a view."""
         return self._numbers[0][PLACES["reward_terms"]]
 
     def info(self) -> list[float]:
-        """Return the fields of the last step's info, :data:`cutenv.task.info.INFO_FIELDS`, whole numbers as int.
+        """Return the last step's info fields, :data:`cutenv.task.info.INFO_FIELDS`, counts as int.
 
         Hidden state and energies are those of a simulated cut; 0 for others.
         """
@@ -378,17 +378,17 @@ class Episode:
 
     @property
     def end(self) -> str:
-        """Name of the reason why the episode ended, or an empty string."""
+        """Name of the episode's end, or an empty string."""
         return STOPPED if self._stopped else self.task.ends[self._end]
 
     @property
     def success(self) -> bool:
-        """True if it is a success of gentle cutting, and the whole cut is within its tolerances."""
+        """True if gentle cutting and the whole cut both succeeded."""
         return not self._stopped and bool(self.whole["success"][0])
 
     @property
     def speed_out_of_range(self) -> bool:
-        """True if the blade moved outside the measured range of speed since the last decision."""
+        """True if blade speed left the measured range since the decision."""
         return self.info()[OUT_OF_RANGE] > 0
 
     @property
@@ -403,7 +403,7 @@ class Episode:
 
     @property
     def cost(self) -> float:
-        """Cost of the last step: by how much the tip's overshoot grew, and the parts of runs beyond 4 mm [mm]."""
+        """Last step's cost [mm]: overshoot's growth, and runs beyond 4 mm."""
         return self.info()[COST]
 
     @property
@@ -413,7 +413,7 @@ class Episode:
 
     @property
     def reward_terms(self) -> dict[str, float]:
-        """The reward of the last step by term; costs are negative; the sum is the reward."""
+        """Last step's reward by term; costs are negative."""
         return dict(zip(TERMS, self.terms.tolist(), strict=True)) | self.whole_terms
 
     @property
@@ -423,29 +423,32 @@ class Episode:
 
     @property
     def whole_totals(self) -> dict[str, float]:
-        """The costs of the whole cut in the reward since the start."""
+        """Whole-cut costs in the reward since the start."""
         return {name: float(value[0]) for name, value in self.task.charges(self.whole, "total").items()}
 
     @property
     def reward_totals(self) -> dict[str, float]:
-        """The reward since the start by term; the sum is the return."""
+        """Reward since the start by term; the sum is the return."""
         return dict(zip(TERMS, self.record["totals"][0].tolist(), strict=True)) | self.whole_totals
 
     @property
     def shown_totals(self) -> dict[str, float]:
-        """The reward since the start by line of a picture, with one line for all costs of the whole cut."""
+        """Reward since the start by a picture's lines.
+
+        All costs of the whole cut are in one line.
+        """
         own, line = self.whole_totals, self.task.shown_as
         gentle = {name: total for name, total in self.reward_totals.items() if name not in own}
         return gentle | ({line: sum(own.values())} if line else {})
 
     @property
     def errors(self) -> dict[str, float]:
-        """Errors of the whole cut in numbers, by name with unit; none where nothing is wanted of it."""
+        """Errors of the whole cut by name with unit, if any."""
         return self.truth_and_errors[1]
 
     @property
     def truth_and_errors(self) -> tuple[dict[str, float], dict[str, float]]:
-        """Hidden state that the task adds to the info, by name, and :attr:`errors`."""
+        """Hidden state added to info by name, and :attr:`errors`."""
         truth, errors = self.task.numbers_of(self._cuts)
         return {name: value.item() for name, value in truth.items()}, {
             name: value.item() for name, value in errors.items()
@@ -453,12 +456,12 @@ class Episode:
 
     @property
     def shown_depth(self) -> ShownDepth | None:
-        """Depth as a picture shows it, None where no depth is wanted."""
+        """Depth for a picture, or None if none is wanted."""
         return None
 
     @property
     def shown_path(self) -> ShownPath | None:
-        """Path as a picture shows it, None where no line is drawn."""
+        """Path for a picture, or None without a line."""
         return None
 
     @property
@@ -467,7 +470,7 @@ class Episode:
         return float(self.settings[0]["force_limit_per_depth"])
 
     def snapshot(self) -> Cuts:
-        """Return copies of everything about a simulated cut, each of shape (1,); hidden truth included."""
+        """Return copies of a simulated cut's whole state, each (1,)."""
         return Cuts(*(part.copy() for part in self._cuts))._replace(shared=self.shared)
 
 
@@ -477,7 +480,7 @@ def info_group(numbers: list[float], group: str) -> dict[str, float]:
 
 
 def _fill(records: StructArray, record: StructArray | None) -> None:
-    """Fill records with the fields of another one of the same names, if there is one."""
+    """Fill records with an optional record's fields of equal names."""
     if record is not None:
         for name in record.dtype.names or ():
             records[name] = record[name]

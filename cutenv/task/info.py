@@ -21,7 +21,7 @@ from cutenv.task.reward import TERMS
 
 @dataclass(frozen=True, kw_only=True)
 class InfoField:
-    """One number of `info`, in SI units unless its name ends in another.
+    """Number of `info`, in SI unless its name has a unit.
 
     In its formulas ``total`` is what the milliseconds of the step add up to.
     """

@@ -120,21 +120,27 @@ OFFSETS = np.array([component.offset for component in COMPONENTS])
 
 @njit_internal
 def commanded_speed(action: T) -> T:
-    """Return the speed [m/s] that a speed action, -1 to 1, commands: 0 in the dead zone, linear beyond."""
+    """Return the speed [m/s] of a speed action, -1 to 1.
+
+    It is 0 in the dead zone and linear beyond.
+    """
     speed: T = SPEED_SCALE * ((action - np.minimum(np.maximum(action, -DEAD_ZONE), DEAD_ZONE)) / (1.0 - DEAD_ZONE))
     return speed
 
 
 @njit_internal
 def speed_action(speed: T) -> T:
-    """Return the action that commands a speed [m/s], the inverse of :func:`commanded_speed`; 0 for speed 0."""
+    """Return the action of a speed [m/s], inverting :func:`commanded_speed`."""
     action: T = np.sign(speed) * DEAD_ZONE + (1.0 - DEAD_ZONE) * (speed / SPEED_SCALE)
     return action
 
 
 @njit
 def within_reach(action: StructArray, fixed_angle: float) -> bool:
-    """Clip an action, shape (2,) or more, to [-1, 1], or fix its angle [rad] (NaN: free); return False for NaN."""
+    """Clip an action to [-1, 1]; return False for NaN.
+
+    A ``fixed_angle`` [rad] replaces the angle unless it is NaN.
+    """
     for k in range(len(action)):
         if math.isnan(action[k]):
             return False
@@ -146,7 +152,10 @@ def within_reach(action: StructArray, fixed_angle: float) -> bool:
 
 @njit
 def all_within_reach(actions: StructArray, waiting: StructArray, fixed_angle: float) -> int:
-    """Clip actions, shape (n, 2) or more, like :func:`within_reach`, not waiting ones; return the first NaN, or -1."""
+    """Clip actions, (n, 2) or more; return the first NaN, or -1.
+
+    Waiting cuts are left out; see :func:`within_reach`.
+    """
     numbers = actions.reshape(-1)
     missing = 0
     for k in range(len(numbers)):  # separate loops, so that they become vector instructions
@@ -164,13 +173,13 @@ def all_within_reach(actions: StructArray, waiting: StructArray, fixed_angle: fl
 
 
 def in_units(observation: ArrayLike) -> dict[str, NDArray[np.float64]]:
-    """Return an observation (shape (..., 12)) as named values in SI units, each of shape (...)."""
+    """Return observations, (..., 12), as named SI values, each (...)."""
     values = checked_observation(observation) * SCALES + OFFSETS
     return {component.name: values[..., k] for k, component in enumerate(COMPONENTS)}
 
 
 def checked_observation(observation: ArrayLike) -> NDArray[np.floating[Any]]:
-    """Return an observation, shape (..., 12), float32 if it is; raise ValueError unless shape and numbers are valid."""
+    """Return an observation, (..., 12); raise ValueError if invalid."""
     values = np.asarray(observation)
     if values.dtype != np.float32:
         values = np.asarray(observation, dtype=np.float64)
@@ -182,7 +191,7 @@ def checked_observation(observation: ArrayLike) -> NDArray[np.floating[Any]]:
 
 
 def to_action(speed: float, angle: float) -> NDArray[np.float32]:
-    """Return the action, shape (2,) float32 in [-1, 1], for a speed [m/s] and an angle [rad]; clipped to the range."""
+    """Return a clipped action, (2,), for speed [m/s] and angle [rad]."""
     if not (abs(speed) <= _FASTEST and 0.0 <= angle <= math.pi):
         in_range("speed", speed, -_FASTEST, _FASTEST, "m/s", "Speeds are in m/s: 2.54 cm/s is 0.0254.")
         in_range("angle", angle, 0.0, math.pi, "rad", "Angles are in radians: 90 degrees is 1.5708.")

@@ -167,7 +167,7 @@ _fill = observer(PATH_COMPONENTS, [__name__])
 
 @njit
 def line_index(seed: Integer, episode: Integer, kind: int) -> int:
-    """Return the index of a key's line among all that are drawn, of a kind or mixed; 0 for a given one."""
+    """Return a key's line index among drawn lines, 0 if given."""
     if kind == MIXED_LINES:
         kind = min(int(_KINDS * uniform_at(seed, episode, TASK, LINE_DRAW)), _KINDS - 1)
     if kind in (0, GIVEN_LINE):
@@ -178,7 +178,7 @@ def line_index(seed: Integer, episode: Integer, kind: int) -> int:
 
 @njit_internal
 def survey_path(path: Struct, steering: Struct, tip: float) -> None:
-    """Bring the distance to the line up to date to a ``tip`` [m]; since its last turn the crack has run straight on."""
+    """Update the line distance for a crack straight on to ``tip`` [m]."""
     for i in range(path.counts, steering.cell + 1):
         _count(path, steering, i, steering.cut[i])
     path.counts = max(path.counts, steering.cell + 1)
@@ -201,7 +201,7 @@ def survey_path(path: Struct, steering: Struct, tip: float) -> None:
 
 @njit_inline
 def _count(path: Struct, steering: Struct, i: int, aside: float) -> None:
-    """Add point ``i`` of the line, which the cut passes at a distance ``aside`` to the left [m]."""
+    """Count point ``i``, passed at ``aside`` [m] to the left."""
     size = abs(aside)
     path.passed_area += SPACING * size * (1.0 - 0.5 * steering.curvature[i] * aside)
     path.passed_distance += SPACING * size
@@ -210,7 +210,7 @@ def _count(path: Struct, steering: Struct, i: int, aside: float) -> None:
 
 @njit_inline
 def survey(path: Struct, steering: Struct, step: Struct, k: Integer, tip: float) -> None:
-    """Bring the distance to the line up to date to a ``tip`` [m]."""
+    """Update the distance to the line up to ``tip`` [m]."""
     survey_path(path, steering, tip)
 
 
@@ -222,28 +222,29 @@ def begin_step(step: Struct, k: Integer, place: float) -> None:
 
 @njit_inline
 def count(step: Struct, k: Integer, place: float, tip: float, lateral: float) -> None:
-    """Count a millisecond of lane ``k``: force on the blade, to its right [N]."""
+    """Count a millisecond of lane ``k``, force rightwards [N]."""
     step.lateral_sum[k] += lateral
     step.lateral_peak[k] = max(step.lateral_peak[k], abs(lateral))
 
 
 @njit_inline
 def size(force: float, lateral: float) -> float:
-    """Return the size of the force in the plane [N]; without a lateral force it is the one along the cut."""
+    """Return the force's size in the plane [N]."""
     return math.sqrt(force * force + lateral * lateral)
 
 
 @njit_inline
 def breached(path: Struct) -> bool:
-    """Return True if the cut is farther from the line than its limit."""
+    """Return True if the cut is beyond its distance limit."""
     return path.farthest > path.line_limit  # type: ignore[no-any-return]
 
 
 @njit_inline
 def achieved(path: Struct, target: float) -> bool:
-    """Return True if mean and largest distance between cut and line are within the tolerances of a success.
+    """Return True if the cut's distances are within the success's tolerances.
 
-    The mean is that of the length that is left to cut at the start.
+    They are the mean and the largest distance between cut and line.  The mean is that of the length that is left to cut
+    at the start.
     """
     mean: float = path.distance / max(target - path.begun, SPACING)
     return mean <= LINE_TOLERANCE and path.farthest <= FARTHEST_TOLERANCE
@@ -251,7 +252,7 @@ def achieved(path: Struct, target: float) -> bool:
 
 @njit_internal
 def left_loaded(cuts: Cuts, c: Integer) -> tuple[float, float]:
-    """Return the energy that a cut leaves stored [J], to the side too, and R B at the tip [N]."""
+    """Return stored energy [J], sideways too, and tip R B [N]."""
     state, profile = cuts.states[c], cuts.profiles[c]
     i, share = grid_index(state.tip)
     reduced = max(state.blade - state.creep - state.tip, 0.0)
@@ -266,7 +267,7 @@ def left_loaded(cuts: Cuts, c: Integer) -> tuple[float, float]:
 def fill_path(
     steering: Struct, position: float, forces: tuple[float, float, float], last_turn: float, observation: StructArray
 ) -> None:
-    """Fill the components of ``observation`` that the path adds, for lateral ``forces`` now, in the mean and at most.
+    """Fill path's components with lateral forces: now, mean and largest.
 
     ``position`` is that of the blade on the line [m].
     """
@@ -281,7 +282,7 @@ def fill_path(
 
 @njit_internal
 def observe(stepping: Stepping, k: Integer, action: StructArray, observation: StructArray) -> None:
-    """Fill the components that the path adds; the sensor's noise is drawn once for each decision."""
+    """Fill path's components, drawing sensor noise once per decision."""
     cuts, step, c = stepping.cuts, stepping.step, stepping.row.cut[k]
     path, steering, sensor, state = cuts.wholes[c], cuts.motions[c], cuts.sensors[c], cuts.states[c]
     updates = cuts.progresses[c].updates
@@ -294,15 +295,16 @@ def observe(stepping: Stepping, k: Integer, action: StructArray, observation: St
 
 @njit_internal
 def observe_start(cuts: Cuts, c: Integer, steering: Struct, observation: StructArray) -> None:
-    """Fill the components that the path adds at the start: force tared to zero."""
+    """Fill path's components at the start, force tared to zero."""
     fill_path(steering, cuts.progresses[c].position, (0.0, 0.0, 0.0), 0.0, observation)
 
 
 @njit_internal
 def line_ahead(steering: Struct, position: float, ahead: float) -> tuple[float, float, float]:
-    """Return how far the line is to the left of the blade's course [m], the sine of its direction, and its bend [1/m].
+    """Return the line's offset left [m], sine and bend [1/m] ahead.
 
-    The place is a distance ``ahead`` [m] along the line of a blade at ``position``.
+    Offset and sine are those to the blade's course.  The place is a distance ``ahead`` [m] along the line of a blade at
+    ``position``.
     """
     place = min(max(position + ahead, 0.0), LENGTH)
     i, share = grid_index(place)
@@ -315,7 +317,7 @@ def line_ahead(steering: Struct, position: float, ahead: float) -> tuple[float, 
 
 @njit_inline
 def fetch(cuts: Cuts, i: int, first: Integer, last: Integer) -> None:
-    """Prefetch place and path of two cuts of the next row, ``first`` to before ``last``."""
+    """Prefetch two cuts' place and path for the next row."""
     places = as_float64_view(cuts.motions)
     for c in range(first + 2 * i, min(first + 2 * (i + 1), last)):
         steering = cuts.motions[c]
@@ -340,7 +342,7 @@ def fetch(cuts: Cuts, i: int, first: Integer, last: Integer) -> None:
 
 @njit_internal
 def length(given: tuple[StructArray, int], key: tuple[Integer, Integer]) -> float:
-    """Return the length to cut of a key [m]: that of its line, or for a line without one a drawn length."""
+    """Return a key's cut length [m], its line's or drawn."""
     own: float = given[0][line_index(key[0], key[1], given[1])].length
     return own if own > 0.0 else drawn_length(key[0], key[1])
 
@@ -352,7 +354,7 @@ def _length_of(lines: StructArray, kind: int, seed: Integer, episode: Integer) -
 
 @njit_internal
 def begin(cuts: Cuts, c: Integer, given: tuple[StructArray, int], key: tuple[Integer, Integer]) -> None:
-    """Begin a cut on its line; ``given`` are all drawn lines, or the one that is given, and the kind of line."""
+    """Begin a cut on its line, from ``given`` lines and kind."""
     profile, state, drive, steering, path = (
         cuts.profiles[c], cuts.states[c], cuts.drives[c], cuts.motions[c], cuts.wholes[c],
     )  # fmt: skip
@@ -367,7 +369,7 @@ def begin(cuts: Cuts, c: Integer, given: tuple[StructArray, int], key: tuple[Int
 
 @njit_internal
 def expect(cuts: Cuts, c: Integer, given: tuple[StructArray, int], key: tuple[Integer, Integer]) -> None:
-    """Lay the line into the mean tissue's profile, and begin the expected crack at the clamp; see :func:`begin`."""
+    """Begin a rig's expected crack on its line; see :func:`begin`."""
     nominal, steering, path = cuts.nominals[c], cuts.known[c].motion[0], cuts.wholes[c]
     path.line = line_index(key[0], key[1], given[1])
     lay_line(nominal, steering, given[0][path.line])
@@ -379,7 +381,7 @@ def expect(cuts: Cuts, c: Integer, given: tuple[StructArray, int], key: tuple[In
 
 @njit_internal
 def measure(stepping: Stepping, k: Integer) -> None:
-    """Let a simulated rig read its place, where it points, and the lateral force, with this millisecond's noise."""
+    """Measure place, heading and lateral force with this millisecond's noise."""
     row, cuts, places = stepping.row, stepping.cuts, stepping.moving.lanes
     c, tick = row.cut[k], row.tick[k]
     known, path, sensor = cuts.known[c], cuts.wholes[c], cuts.sensors[c]
@@ -391,7 +393,7 @@ def measure(stepping: Stepping, k: Integer) -> None:
 
 @njit_internal
 def expect_at(cuts: Cuts, c: Integer, first: bool, tick: int, position: float) -> None:
-    """Take place and lateral force of the blade from what is measured."""
+    """Set the blade's place and lateral force from measurements."""
     known = cuts.known[c]
     steering = known.motion[0]
     steering.east, steering.north = known.ways[_X] - position, known.ways[_Y]
@@ -400,7 +402,7 @@ def expect_at(cuts: Cuts, c: Integer, first: bool, tick: int, position: float) -
 
 @njit_internal
 def felt_along(known: Struct, position: float, felt: float) -> float:
-    """Return the force along the line of a blade at ``position`` [m], whose own way may be turned from it [N]."""
+    """Return the force along the line [N] at ``position`` [m]."""
     steering = known.motion[0]
     i, share = grid_index(min(max(position, 0.0), LENGTH))
     t_x, t_y = lerp(steering.cosine, i, share), lerp(steering.sine, i, share)
@@ -418,7 +420,7 @@ def learn(known: Struct, tick: int, position: float, tip: float) -> None:
 
 @njit_internal
 def _follow_crack(steering: Struct, position: float, tip: float) -> None:
-    """Let the expected crack grow to ``tip`` [m] of the line, turning toward the force of a blade at ``position``."""
+    """Grow the expected crack to ``tip`` [m], turned by the blade."""
     start = steering.settled
     steps = math.ceil((tip - start) / _STEP)
     for k in range(1, steps + 1):
@@ -436,7 +438,10 @@ def _follow_crack(steering: Struct, position: float, tip: float) -> None:
 
 @njit_internal
 def _offset(steering: Struct, position: float) -> tuple[float, float, CrackFrame]:
-    """Return the offset of the blade from the settled tip, along the crack and to its left [m]; stiffness there."""
+    """Return the blade's offset from the tip [m], and stiffness.
+
+    The offset is along the settled crack and to its left.
+    """
     east = (position - steering.settled) + (steering.east - steering.tip_east)
     north, e_x, e_y = steering.north - steering.tip_north, steering.tip_ahead, steering.tip_across
     i, share = grid_index(steering.settled)
@@ -445,7 +450,7 @@ def _offset(steering: Struct, position: float) -> tuple[float, float, CrackFrame
 
 @njit_internal
 def left_loaded_seen(cuts: Cuts, c: Integer) -> tuple[float, float]:
-    """Return the energy that a cut leaves stored by what is expected [J], to the side too, and R B at the tip [N]."""
+    """Return expected stored energy [J], sideways too, and tip R B."""
     steering, profile, progress = cuts.known[c].motion[0], cuts.nominals[c], cuts.progresses[c]
     position, tip = progress.position, progress.tip
     _, left, frame = _offset(steering, position)
@@ -458,7 +463,7 @@ def left_loaded_seen(cuts: Cuts, c: Integer) -> tuple[float, float]:
 
 @njit_internal
 def observe_seen(stepping: Stepping, k: Integer, action: StructArray, observation: StructArray) -> None:
-    """Fill the components that the path adds from what a rig has measured."""
+    """Fill path's components from a rig's measurements."""
     cuts, step, c = stepping.cuts, stepping.step, stepping.row.cut[k]
     known, progress = cuts.known[c], cuts.progresses[c]
     steering = known.motion[0]
@@ -483,7 +488,7 @@ _MILLIMETRE = 0.001  # [m]
 
 @njit
 def hide(cuts: Cuts, which: StructArray, hidden: Array) -> None:
-    """Fill the privileged features that the path adds, a row for each of the cuts ``which``."""
+    """Fill path's privileged features for the cuts ``which``."""
     for m in range(len(which)):
         n = which[m]
         state, profile, task, steering, path = (
@@ -632,7 +637,7 @@ class LineChoice:
         self._drawn: DrawnLines | None = None
 
     def lines_for(self, tissue: TissueDescription) -> DrawnLines:
-        """Return the lines of which one is cut, by the tissue's model in the plane."""
+        """Return the lines to choose from, for the tissue's model."""
         plane = tissue.element, tissue.formulation, tissue.poisson
         if self._given is None:
             return drawn_lines(*plane)
@@ -641,7 +646,7 @@ class LineChoice:
         return self._drawn
 
     def check(self, length: float) -> None:
-        """Raise ValueError if a cut of a target length [m] does not fit a given line."""
+        """Raise ValueError if a length [m] does not fit the line."""
         if self._given is None:
             if self.kind == _FUSIFORM and length > LONGEST:
                 raise ValueError(
@@ -691,19 +696,19 @@ class PathOptions(TaskOptions):
         self.constants, self.steering = taken_from(keywords, PathConstants), taken_from(keywords, SteeringParameters)
 
     def check_length(self, length: float) -> None:
-        """Raise ValueError if a cut of a target length [m] does not fit a given line."""
+        """Raise ValueError if a length [m] does not fit the line."""
         self.line.check(length)
 
     def drawn_length(self, tissue: TissueDescription, seed: int, episode: int) -> float:
-        """Return the target length of a key [m]: that of its line, or a drawn one."""
+        """Return a key's target length [m], its line's or drawn."""
         return _length_of(*self.beginning(tissue), np.uint64(seed), np.uint64(episode))
 
     def whole(self) -> StructArray:
-        """Return the record of a path before it begins, :data:`PATH` of shape (1,)."""
+        """Return a path's initial record, :data:`PATH`, (1,)."""
         return settings_record(PATH, self.constants)
 
     def motion(self, specimen: Specimen) -> StructArray:
-        """Return the place in the plane before a line is laid: :data:`~cutenv.sim.cutting.steering.STEERING`, (1,)."""
+        """Return the initial place in the plane, :data:`~cutenv.sim.cutting.steering.STEERING`, (1,)."""
         record = np.zeros(1, STEERING)
         record["crack_curvature"] = self.steering.crack_curvature
         record["reach"], record["side"] = LINE_REACH, WIDTH
@@ -737,14 +742,17 @@ class PathEpisode(Episode):
         return channels, _ways_of(channels, self.plant.heading.now)
 
     def step(self, action: Array) -> tuple[Array32, float]:
-        """Command an action (3 numbers in [-1, 1]) for one decision; return observation, shape (28,), and reward."""
+        """Command an action for one decision; return observation, (28,), and reward.
+
+        An action is 3 numbers in [-1, 1].
+        """
         if self.simulated:
             self._before = self.blade_place
         return super().step(action)
 
     @property
     def channels(self) -> dict[str, Array]:
-        """Places of the blade, and lateral force at the readings since the last decision.
+        """Blade places and lateral force since the last decision.
 
         Of a simulated cut the way is straight between two decisions, and the force true unless a rig sees the cut.
         """
@@ -761,26 +769,26 @@ class PathEpisode(Episode):
 
     @property
     def noted(self) -> dict[str, Any]:
-        """Target length and line for the metadata of a record, by key."""
+        """Target length and line by key of record metadata."""
         return super().noted | self.noted_line
 
     @property
     def cut_distance(self) -> Array:
-        """Distance of the cut to the left of the line at each of its points that the tip has passed [m], shape (n,)."""
+        """Cut's distance left of the line at passed points [m], (n,)."""
         steering = self.motion[0]
         passed: Array = steering["cut"][: steering["cell"] + 1].copy()
         return passed
 
     @property
     def noted_line(self) -> dict[str, Any]:
-        """The line for the metadata of a record: places within the slab [m], by its key."""
+        """Line by metadata key: places within the slab [m]."""
         from cutenv.records.scoring.cut_map import LINE_KEY
 
         return {LINE_KEY: np.round(places_within(self.line), 6).tolist()}
 
     @property
     def noted_map(self) -> dict[str, Any]:
-        """Notes of a simulated record on its path, by key of its metadata: errors, line, and the cut beside it [m]."""
+        """Simulated path's notes by metadata key: errors, line, cut [m]."""
         from cutenv.records.scoring.truth import ASIDE_AT_END
 
         errors = {name: round(value, 3) for name, value in self.errors.items()}
@@ -793,7 +801,7 @@ class PathEpisode(Episode):
 
     @property
     def tip_place(self) -> tuple[float, float]:
-        """Place of the crack tip, along and across the slab [m]; hidden."""
+        """Crack tip along and across the slab [m]; hidden."""
         return place_of_tip(self._cuts.states, self.motion)
 
     @property
@@ -810,7 +818,7 @@ class PathEpisode(Episode):
 
     @property
     def aside_to_tip(self) -> Array:
-        """Distance of the cut to the left of the line at each of its points up to the tip [m], shape (n,).
+        """Cut's distance left of the line to the tip [m], (n,).
 
         Since its last turn the crack has run straight on.
         """
@@ -827,7 +835,7 @@ class PathEpisode(Episode):
 
 
 def _ways_of(channels: dict[str, Array], heading: float) -> Array:
-    """Return places, a heading [rad] and lateral forces as the task takes them, shape (n, WAYS)."""
+    """Return places, heading [rad] and lateral forces for the task, (n, WAYS)."""
     ways = np.zeros((len(channels["lateral_force"]), WAYS))
     ways[:, _X], ways[:, _Y], ways[:, _LATERAL] = (channels[name] for name in (*PLACE, "lateral_force"))
     ways[:, _EAST], ways[:, _NORTH] = math.cos(heading), math.sin(heading)
@@ -835,6 +843,9 @@ def _ways_of(channels: dict[str, Array], heading: float) -> Array:
 
 
 def to_path_action(speed: float, angle: float, turn_rate: float) -> Array32:
-    """Return the action, shape (3,), for a speed [m/s], an angle [rad] and a turn to the left [rad/s]; clipped."""
+    """Return a clipped action, (3,), for speed, angle and turn rate.
+
+    They are in m/s, rad, and rad/s to the left.
+    """
     turn = speed_action(turn_rate * (SPEED_SCALE / TURN_SCALE))
     return np.append(to_action(speed, angle), np.float32(np.clip(turn, -1.0, 1.0))).astype(np.float32)

@@ -41,7 +41,7 @@ def privileged_names(task: Task) -> tuple[str, ...]:
 def append_privileged(
     cuts: Cuts, task: Task, features: NDArray[np.float32], which: NDArray[np.int64]
 ) -> NDArray[np.float32]:
-    """Append the privileged state of the cuts ``which`` to features, shape (m, size); return shape (m, size + k).
+    """Append privileged state of cuts ``which`` to features, (m, size + k).
 
     The columns are those of :func:`privileged_names`, clipped as observations are.
     """

@@ -115,7 +115,7 @@ _OFF_LINE = (
 
 
 def _excision(name: str, stem: str, along: str, scripts: str, script: str) -> RegisteredTask:
-    """Return the entry of a task that is cutting along a line, along one side of an excision."""
+    """Return the registry entry of cutting along one excision side."""
     return RegisteredTask(
         name=name,
         id=f"cutenv/{stem}-v1",
@@ -204,7 +204,9 @@ TASKS = {each.name: each for each in _SHIPPED}
 
 
 def task_of(arguments: Mapping[str, Any]) -> tuple[RegisteredTask, dict[str, Any]]:
-    """Return the task that ``arguments["task"]`` names, by default "gentle", and the environment's own arguments.
+    """Return the task that ``arguments["task"]`` names, and the other arguments.
+
+    It is "gentle" by default.
 
     Raises
     ------
@@ -216,15 +218,18 @@ def task_of(arguments: Mapping[str, Any]) -> tuple[RegisteredTask, dict[str, Any
 
 
 def task_made_as(environment: str) -> RegisteredTask:
-    """Return the task whose environment has this id; gentle cutting for every other id, as those of its tracks."""
+    """Return the task of an environment id, by default gentle cutting.
+
+    The default is for all others, such as those of its tracks.
+    """
     return next((task for task in TASKS.values() if task.id == environment), TASKS["gentle"])
 
 
 def tasks_in_words(names: Iterable[str]) -> str:
-    """Return names of tasks, each with what its cuts follow, for a list of choices."""
+    """Return task names with what their cuts follow, for choices."""
     return ", ".join(name + (f" ({TASKS[name].along})" if TASKS[name].along else "") for name in names)
 
 
 def tasks_with(part: str) -> tuple[str, ...]:
-    """Return the names of the tasks that have a part, an imported field of an entry."""
+    """Return names of tasks with a part, an entry's imported field."""
     return tuple(name for name, task in TASKS.items() if task.places[part])

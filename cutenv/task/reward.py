@@ -1,4 +1,4 @@
-"""Terms and weights of the reward, and ends and limits of a cut.
+"""Reward terms and weights, and ends and limits of cuts.
 
 Reward = what is gained - costs.  A cut gains up to 1: by progress, by a tip near the target, by a success.  All costs
 are non-negative and additive: they are charged as they occur.  Every end is charged the same terminal cost; an end for
@@ -317,7 +317,7 @@ T = TypeVar("T")
 
 
 def _weight_fields(terms: Sequence[Term] | Sequence[WholeCutTerm], prefix: str = "") -> list[tuple[str, type, Any]]:
-    """Return a field of a dataclass for each term whose weight can be changed."""
+    """Return a dataclass field per term with adjustable weight."""
     about: dict[str, Any] = {"unit": "1", "low": 0.0, "high": 100.0, "provenance": "choice"}
     return [
         (prefix + term.name, float, parameter(term.weight, source=term.per, title=term.title, **about))
@@ -327,7 +327,7 @@ def _weight_fields(terms: Sequence[Term] | Sequence[WholeCutTerm], prefix: str =
 
 
 def with_weights(costs: Sequence[WholeCutTerm]) -> Callable[[type[T]], type[T]]:
-    """Return a decorator that adds the weight of each cost to a dataclass of a task's constants, as ``weight_NAME``."""
+    """Return a decorator that adds cost weights, ``weight_NAME``, to constants."""
 
     def extended(kind: type[T]) -> type[T]:
         names = {"__module__": kind.__module__, "__doc__": kind.__doc__}
@@ -343,7 +343,7 @@ if TYPE_CHECKING:
 
     @dataclass(frozen=True, kw_only=True)
     class RewardWeights:
-        """Weights of the reward's terms; each cost is charged as it occurs: ending early saves nothing."""
+        """Weights of reward terms; ending early saves no cost."""
 
         def __init__(self, **weights: float) -> None: ...
 
@@ -365,7 +365,7 @@ else:
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """Limits at which the task ends for safety, and of the speed that a rig obeys."""
+    """Limits for safety ends, and for a rig's speed."""
 
     force_limit_per_depth: float = parameter(
         FORCE_LIMIT_PER_DEPTH, unit="N/m", low=1.0, high=1e5, provenance="assumed",
@@ -381,14 +381,14 @@ class Limits:
 
 
 def greatest_action(speed: float) -> float:
-    """Return the speed action that commands a top speed [m/s], at most 1: a rig reduces faster actions to it."""
+    """Return the action, at most 1, of a top speed [m/s]."""
     return min(float(speed_action(speed)), 1.0)
 
 
 def task_record(
     weights: RewardWeights, limits: Limits, *, speeds: tuple[float, float], **numbers: float
 ) -> StructArray:
-    """Return one task as a :data:`TASK` array, shape (1,), from least and greatest speed [m/s] and its other fields."""
+    """Return a :data:`TASK` array, (1,), from weights, limits and speeds [m/s]."""
     task = np.zeros(1, TASK)
     for field in dataclasses.fields(weights):
         task[field.name] = getattr(weights, field.name)

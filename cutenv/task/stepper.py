@@ -67,9 +67,9 @@ _UPDATES = round(ESTIMATED_EVERY / TICK)  # whatever the decision rate
 def estimated_tip(
     memory: Struct, task: Struct, nominal: Struct, tick: int, reading: BladeReading
 ) -> tuple[float, float]:
-    """Return tip and unstable growth [m] at update ``tick`` (from 1 at reset); both change every 20 ms.
+    """Return tip and unstable growth [m], estimated every 20 ms.
 
-    The tip's advance beyond the blade's counts as an unstable run.  ``memory`` is
+    ``tick`` counts from 1 at reset.  The tip's advance beyond the blade's counts as an unstable run.  ``memory`` is
     :data:`~cutenv.sim.tissue.crack_tip.ASSESSED_TIP`, changed in place.
     """
     if tick % _UPDATES != 0:
@@ -232,12 +232,12 @@ def step_some(task: Task) -> Callable[..., None]:
 
 @compiled_for(njit_inline)
 def step_row(task: Task) -> Callable[..., None]:
-    """Return the function that steps a row of cuts by one decision."""
+    """Return the function that steps a row by one decision."""
     begin_one, advance, finish = begin_lane(task), advance_row(task), conclude_lane(task)
     fetch, total = task.fetch, terms(task) if task.costs else None
 
     def step_row(stepping: Stepping, span: tuple[int, int], decision: Decision, ahead: Ahead) -> None:
-        """Step the cuts from the first number of ``span`` to before the second, at most a row; see :func:`step_some`.
+        """Step at most a row of cuts in ``span``, see :func:`step_some`.
 
         Records of the cuts that are ``ahead`` are prefetched meanwhile.
         """
@@ -275,7 +275,7 @@ def step_row(task: Task) -> Callable[..., None]:
 
 @compiled_for(njit_inline)
 def begin_lane(task: Task) -> Callable[..., None]:
-    """Return the function that loads a cut and its action into a lane."""
+    """Return the function that loads a cut and action into a lane."""
     give, commanded, begin_step = task.motion.command, command_of(task), task.begin_step
 
     def begin_lane(stepping: Stepping, action: StructArray, k: Integer, n: Integer) -> None:
@@ -296,13 +296,13 @@ def begin_lane(task: Task) -> Callable[..., None]:
 
 @compiled_for(njit_inline)
 def advance_row(task: Task) -> Callable[..., int]:
-    """Return the function that advances and counts a millisecond of a row of cuts."""
+    """Return the function that advances and counts a row's millisecond."""
     update, count, size, force = update_row(task.motion), task.count, task.size, task.motion.force
     from_truth, measure, pull = task.from_truth, task.measure, task.motion.pull
     see: Any = None if from_truth else count_seen(task)
 
     def advance_row(stepping: Stepping, readings: StructArray, i: int) -> int:
-        """Advance and count millisecond ``i`` of a row; return how many of its cuts end with it."""
+        """Advance and count millisecond ``i``; return how many cuts end."""
         row, cuts, counts, lanes = stepping.row, stepping.cuts, stepping.count, stepping.moving.lanes
         update(row, stepping.moving, cuts.profiles, cuts.sensors, i == 0)
         over = 0
@@ -349,12 +349,12 @@ def advance_row(task: Task) -> Callable[..., int]:
 
 @compiled_for(njit_internal)
 def count_seen(task: Task) -> Callable[..., None]:
-    """Return the function that counts a reading, whose further measurements are in what is known of the cut."""
+    """Return the function that counts readings with a rig's knowledge."""
     expect, learn, count, size, across = task.expect_at, task.learn, task.count, task.size, WAYS - 1
     sideways, felt_along = task.motion.force is not None, task.felt_along
 
     def count_seen(stepping: Stepping, k: Integer, position: float, speed: float) -> None:
-        """Count a reading of the cut in lane ``k``: tip and runs are estimated from the force that is ``felt``.
+        """Count lane ``k``'s reading, estimating tip and runs from ``felt``.
 
         ``position`` [m] and ``speed`` [m/s] are those of the motor.
         """
@@ -386,7 +386,7 @@ def conclude_lane(task: Task) -> Callable[..., int]:
     def conclude_lane(
         stepping: Stepping, k: Integer, action: StructArray, observation: StructArray, info: Struct
     ) -> int:
-        """Compute reward terms, observation and info for the step of the cut in lane ``k``; return its end."""
+        """Compute lane ``k``'s reward terms, observation and info; return end."""
         cuts, c = stepping.cuts, stepping.row.cut[k]
         end: int = conclude_cut(stepping, k, action, observation, info)
         tell(cuts, c, info)
@@ -401,14 +401,14 @@ def conclude_lane(task: Task) -> Callable[..., int]:
 
 @compiled_for(njit_inline)
 def assess_step(task: Task) -> Callable[..., int]:
-    """Return the function that assesses and observes a step, all of whose milliseconds are counted."""
+    """Return the function that assesses and observes a counted step."""
     survey, breached, achieved, from_truth = task.survey, task.breached, task.achieved, task.from_truth
     charge_whole = charge(task) if task.costs else None
     left = task.left_loaded if from_truth else task.left_loaded_seen
     observe = task.observe if from_truth else task.observe_seen
 
     def assess_step(stepping: Stepping, k: Integer, action: StructArray, observation: StructArray, info: Struct) -> int:
-        """Compute reward terms and observation for the step of the cut in lane ``k``; return its end."""
+        """Compute lane ``k``'s reward terms and observation; return its end."""
         cuts, count, c = stepping.cuts, stepping.count, stepping.row.cut[k]
         whole, wanted, progress = cuts.wholes[c], cuts.tasks[c], cuts.progresses[c]
         if survey is not None:
@@ -445,14 +445,14 @@ def assess_step(task: Task) -> Callable[..., int]:
 
 @compiled_for(njit)
 def assess_readings(task: Task) -> Callable[..., tuple[float, int]]:
-    """Return the function that assesses and observes a rig's readings since the last decision."""
+    """Return the function that assesses and observes a rig's readings."""
     see, begin_step, finish, scalars = count_seen(task), task.begin_step, assess_step(task), task.motion.scalars
     total = terms(task) if task.costs else None
 
     def assess_readings(
         one: OneCut, readings: StructArray, ways: Array, action: StructArray, observation: StructArray
     ) -> tuple[float, int]:
-        """Assess and observe readings, with tip, runs and the whole cut estimated from what was measured.
+        """Assess and observe readings, estimating tip, runs and whole cut.
 
         Parameters
         ----------
@@ -502,7 +502,7 @@ def observe_one(task: Task) -> Callable[..., None]:
     observe, from_truth = task.observe_start, task.from_truth
 
     def observe_one(one: OneCut, angle: float, observation: StructArray) -> None:
-        """Fill the observation of one cut at its start, before any step, for a blade at an ``angle`` [rad]."""
+        """Fill one cut's start observation at ``angle`` [rad]."""
         cuts = batch_of_one(one)
         observe_rest(one.episode[0].counts, cuts, 0, angle, observation)
         if observe is not None:
@@ -513,20 +513,20 @@ def observe_one(task: Task) -> Callable[..., None]:
 
 @njit
 def tell_one(one: OneCut) -> None:
-    """Fill the `info` of one cut at its start: no reward yet."""
+    """Fill one cut's start `info`, without reward."""
     tell(batch_of_one(one), 0, one.episode[0].infos[0])
 
 
 @njit
 def tell_of_all(cuts: Cuts, which: StructArray, infos: StructArray) -> None:
-    """Fill ``infos`` for the cuts with indices ``which`` at their start: no reward yet."""
+    """Fill start ``infos`` of the cuts ``which``, without reward."""
     for n in which:
         tell(cuts, n, infos[n])
 
 
 @njit_inline
 def flat_views(cuts: Cuts, plain: Plain, infos: StructArray) -> tuple[StructArray, ...]:
-    """Return flat views of the records that are prefetched, those of ``infos`` last."""
+    """Return flat views of prefetched records, ``infos`` last."""
     return (
         plain.states, plain.laws, plain.drives, as_float64_view(cuts.sensors), as_float64_view(cuts.tasks),
         as_float64_view(cuts.progresses), as_float64_view(infos),
@@ -535,7 +535,7 @@ def flat_views(cuts: Cuts, plain: Plain, infos: StructArray) -> tuple[StructArra
 
 @njit_inline
 def fetch_some(cuts: Cuts, ahead: Ahead, i: int) -> None:
-    """Prefetch part of the cuts that are ``ahead`` during millisecond ``i`` of this row.
+    """Prefetch part of the cuts ``ahead`` during millisecond ``i``.
 
     Thousands of cuts do not fit into the first-level cache.  Their records come first, because these contain the grid
     indices of tip and blade, and then the profiles there.
@@ -563,7 +563,7 @@ def _fetch_records(records: tuple[StructArray, ...], n: Integer) -> None:
 
 @njit_inline
 def _fetch_lines(numbers: StructArray, size: Integer, n: Integer) -> None:
-    """Prefetch ``size`` numbers of cut ``n``; they need not begin on a cache line."""
+    """Prefetch ``size`` numbers of cut ``n``, aligned or not."""
     for k in range(0, size - 1, _LINE):
         prefetch(numbers, size * n + k)
     prefetch(numbers, size * n + size - 1)
@@ -571,7 +571,7 @@ def _fetch_lines(numbers: StructArray, size: Integer, n: Integer) -> None:
 
 @njit_inline
 def _fetch_places(state: Struct, profile: Struct, nominal: Struct, specimen: Struct, sensor: Struct) -> None:
-    """Prefetch the profiles at a cut's tip and blade, and its sensor's delay line."""
+    """Prefetch profiles at tip and blade, and the sensor's delay."""
     tip, blade = grid_index(state.tip)[0], grid_index(state.blade)[0]
     prefetch(profile.stiffness, tip)
     prefetch(profile.toughness, tip)

@@ -1,4 +1,4 @@
-"""The wanted depth of a cut and the layer below it, drawn from a random key."""
+"""Wanted depth of a cut and lower layer, randomly drawn."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def draw(seed: Integer, episode: Integer, number: int) -> float:
 
 @njit_internal
 def draw_wanted(seed: Integer, episode: Integer, kind: int, target: float, wanted: Array) -> None:
-    """Fill ``wanted``, shape (301,), with the depth below the surface [m]; ``kind`` is UNCHANGING to MIXED_WANTED."""
+    """Fill ``wanted``, (301,), with depths [m] below the surface, by ``kind``."""
     if kind == MIXED_WANTED:
         kind = UNCHANGING + min(int(3.0 * draw(seed, episode, 0)), 2)
     first = SHALLOW + (DEEP - SHALLOW) * draw(seed, episode, 1)
@@ -55,7 +55,7 @@ def draw_wanted(seed: Integer, episode: Integer, kind: int, target: float, wante
 
 @njit_internal
 def draw_layer(seed: Integer, episode: Integer, wanted: Array, layers: Struct) -> None:
-    """Put the layer below, ``layers.boundary`` [m] deep, beneath the deepest wanted place; ``layers`` is changed.
+    """Place the lower layer, ``layers.boundary`` [m], below the deepest wanted depth.
 
     Toughness and modulus are drawn where they are 1, that is not known of the tissue.
     """
@@ -71,5 +71,5 @@ def draw_layer(seed: Integer, episode: Integer, wanted: Array, layers: Struct) -
 
 @njit_internal
 def between(low: float, high: float, share: float) -> float:
-    """Return the number at ``share`` of the way from ``low`` to ``high`` on a logarithmic scale."""
+    """Return the number at ``share`` of a logarithmic interval."""
     return low * exp(share * log(high / low))
