@@ -36,7 +36,7 @@ _TELLING = threading.Lock()
 
 
 class FilmedCuts:
-    """Frames of the cut that goes on, and why the camera has ended, or ""."""
+    """Frames of the current cut, and the camera's end reason."""
 
     def __init__(self, blade: MarkedBlade, travel: str) -> None:
         self.blade, self.travel = blade, travel
@@ -44,7 +44,10 @@ class FilmedCuts:
         self.ended = ""
 
     def put_depth(self, path: Path) -> str:
-        """Replace the depth in a finished record by the camera's, or keep it and note why; return the note."""
+        """Replace a finished record's depth by the camera's; return a note.
+
+        Where the camera's depth is of no use the record keeps its own.
+        """
         frames, trace = self.frames.copy(), load_one(path)
         note = f"{len(frames)} frames"
         try:
@@ -83,7 +86,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _camera(given: dict[str, Any]) -> CameraDriver:
-    """Return the camera, by its driver, of settings that came as a dictionary."""
+    """Return the camera of settings given as a dictionary."""
     options = traits_of(DriverKind.CAMERA, given["driver"]).options
     settings = CameraSettings(**{**given, "options": None if options is None else options(**given["options"])})
     rig = RigSettings(camera=settings)
@@ -105,7 +108,7 @@ def _answer(cuts: FilmedCuts) -> None:
 
 
 def _tell(message: dict[str, Any]) -> None:
-    """Write one line: frames and answers come from two threads, and no line may be broken by another."""
+    """Write one line that no other thread can break."""
     with _TELLING:
         print(json.dumps(message), flush=True)
 

@@ -45,11 +45,11 @@ class Knowledge:
         check_parameters(self)
 
     def depth_modes(self) -> NDArray[np.float64]:
-        """Return the modes of the error along a specimen, shape (n_modes, 301)."""
+        """Return modes of a specimen's depth error, (n_modes, 301)."""
         return field_modes(N_POINTS, SPACING, self.depth_noise_length)
 
     def measure_depth(self, depth: NDArray[np.float64], seed: int, episode: int) -> NDArray[np.float64]:
-        """Return the depth of cut as measured beforehand, shape (301,) [m]: the true one with a smooth error."""
+        """Return the measured depth, (301,) [m]: true depth plus smooth error."""
         measured = np.empty(N_POINTS)
         key = np.uint64(seed), np.uint64(episode)
         measure_depth(key, self.depth_noise, self.depth_modes(), depth, measured)
@@ -57,7 +57,7 @@ class Knowledge:
 
 
 def rig_constants(rig: str | Path, *, drive: str = "rig") -> dict[str, float]:
-    """Return keywords with which the simulator is like the rig of a file; SI.
+    """Return keywords that make the simulator like a rig file, SI.
 
     Those are the values that ``cutenv rig identify --write`` has put there, the top speed, and the sensor's delay where
     the file states one.  Of a rig under PD position control, which ``drive="pd"`` simulates, the gains are among them.

@@ -1,4 +1,4 @@
-"""``cutenv/DepthCut-v1``: cut to a target length along a wanted depth, without opening the layer below."""
+"""``cutenv/DepthCut-v1``: cut along a wanted depth, above a lower layer."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["DepthCutEnv", "DepthCutVectorEnv", "to_depth_action"]
 
 @described
 class DepthCutEnv(GentleCutEnv):
-    """Cut from the clamp to a target length along a wanted depth, gently, and do not open the layer below.
+    """Cut gently along a wanted depth, without opening the layer below.
 
     It is :class:`~cutenv.envs.gentle_cut.GentleCutEnv` with a blade that also moves up and down.  A depth below the
     surface is wanted at each place, 6 to 14 mm: constant, a ramp or a step.  Another layer, which nobody sees, lies 1

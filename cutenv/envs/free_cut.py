@@ -1,4 +1,4 @@
-"""``cutenv/FreeCut-v1``: cut along a drawn line in a slab whose finite elements are solved again as the cut opens."""
+"""``cutenv/FreeCut-v1``: cut along a line, with finite elements re-solved."""
 
 from __future__ import annotations
 
@@ -36,7 +36,10 @@ class FreeEpisode(PathEpisode):
         self._noted = self.tip_place
 
     def step(self, action: Array) -> tuple[Array32, float]:
-        """Command an action (3 numbers in [-1, 1]) for one decision; the model then follows the crack."""
+        """Command an action for one decision; the model follows the crack.
+
+        An action is 3 numbers in [-1, 1].
+        """
         stepped = super().step(action)
         place, steering = self.tip_place, self.motion[0]
         if self.lost is None and math.dist(place, self._noted) > 0.5 * SPACING:
@@ -48,7 +51,7 @@ class FreeEpisode(PathEpisode):
         return stepped
 
     def displaced(self, opening: float = 0.0) -> list[Array]:
-        """Return the outlines of the elements, each of shape (3 or 4, 2) [m]: the tip moved with the blade.
+        """Return displaced element outlines, each of shape (3 or 4, 2) [m].
 
         ``opening`` is the distance by which the faces of cuts are drawn apart, far from their ends [m].
         """
@@ -65,7 +68,7 @@ class FreeOptions(PathOptions):
 
 @described
 class FreeCutEnv(PathCutEnv):
-    """Cut along a drawn line, in a slab whose finite elements are solved again as the cut opens.
+    """Cut along a drawn line, re-solving finite elements as it opens.
 
     Action, observation, reward, ends and info are those of :class:`~cutenv.envs.path_cut.PathCutEnv`, and so are the
     lines.  The stiffness is not: ``cutenv/PathCut-v1`` looks it up in a table of the line, changed by where

@@ -1,4 +1,4 @@
-"""``cutenv/GentleCut-v1``: cut a slab of measured liver to a target length, gently."""
+"""``cutenv/GentleCut-v1``: cut measured liver to a target length, gently."""
 
 from __future__ import annotations
 
@@ -39,12 +39,13 @@ _GROUPS = tuple((group, tuple(field.name for field in fields)) for group, fields
 
 @described
 class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
-    """Cut from the clamp to a target length, gently: the crack tip is scored, not the blade, which leads it.
+    """Cut gently from the clamp to a target length.
 
-    A scalpel cuts a slab of liver, 8 cm wide, 15 cm long and 2.5 cm thick, clamped along the edge where the cut starts.
-    The blade drags tissue along (F = K (x - a)), the crack follows in sudden runs of several millimetres, and its tip
-    is hidden: an agent sees a force.  Physics at 1 kHz, decisions at ``control_hz``.  Model and data: ``cutenv docs``.
-    Many at once: ``gymnasium.make_vec``, see :class:`cutenv.envs.vector.GentleCutVectorEnv`.
+    The crack tip is scored, not the blade, which leads it.  A scalpel cuts a slab of liver, 8 cm wide, 15 cm long and
+    2.5 cm thick, clamped along the edge where the cut starts.  The blade drags tissue along (F = K (x - a)), the crack
+    follows in sudden runs of several millimetres, and its tip is hidden: an agent sees a force.  Physics at 1 kHz,
+    decisions at ``control_hz``.  Model and data: ``cutenv docs``. Many at once: ``gymnasium.make_vec``, see
+    :class:`cutenv.envs.vector.GentleCutVectorEnv`.
 
     Action
     ------
@@ -222,7 +223,10 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Draw the next specimen and put the blade to the clamp; see the class for ``options``."""
+        """Draw the next specimen, with the blade at the clamp.
+
+        See the class for ``options``.
+        """
         super().reset(seed=seed)
         options = options or {}
         for name in options:
@@ -253,7 +257,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return observation, self._told(self._info())
 
     def check_start(self, length: float) -> None:
-        """Raise ValueError if ``start_before_target`` is not less than a target length [m], or less than 5 mm."""
+        """Raise ValueError unless 5 mm <= ``start_before_target`` < length [m]."""
         self.options.check_length(length)
         if self.start_before_target is None:
             return
@@ -265,7 +269,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             )
 
     def given_specimen(self, option: Any) -> Specimen | None:
-        """Return the specimen given by a reset's option or the ``tissue`` file; None if it is to be drawn."""
+        """Return the specimen from option or ``tissue`` file; None: draw one."""
         if option is None:
             return self.tissue.specimen
         if isinstance(option, str):
@@ -285,10 +289,10 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         noise: int = 0,
         begun: bool = True,
     ) -> None:
-        """Put the blade to the start of a cut of ``length`` [m], with the ``depth`` [m] known to the lab.
+        """Put the blade to the start of a cut of ``length`` [m].
 
-        ``noise`` is added to the seed of the sensor's noise.  Without ``begun`` what the task adds is left as it is
-        before a cut begins.
+        ``depth`` [m] is that known to the lab.  ``noise`` is added to the seed of the sensor's noise.  Without
+        ``begun`` what the task adds is left as it is before a cut begins.
         """
         constants, tissue = self.constants, specimen.tissue
         self.specimen = specimen
@@ -323,7 +327,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return ANGLE_RANGE[1] if self.fixed_angle is None else self.fixed_angle
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Command target speed and angle until the next decision; see the class for everything else."""
+        """Command target speed and angle until the next decision; see the class."""
         if self._ended:
             raise gymnasium.error.ResetNeeded("no cut is going on: call reset() before step().")
         command, names = np.array(action, np.float64), self.task.action_names
@@ -368,7 +372,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return self.constants.limits.force_limit_per_depth
 
     def render(self) -> NDArray[np.uint8] | None:
-        """Draw the cut: an array (height, width, 3) for "rgb_array", a window for "human"."""
+        """Draw the cut: an "rgb_array" (height, width, 3), or a window."""
         if self.render_mode is None:
             gymnasium.logger.warn('render() needs gymnasium.make(..., render_mode="rgb_array" or "human").')
             return None
@@ -391,7 +395,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
 
 def check_rate(control_hz: float) -> None:
-    """Refuse a rate of decisions [Hz] that does not divide that of the physics; names all that do."""
+    """Refuse a decision rate [Hz] that does not divide the physics' rate."""
     in_range("control_hz", control_hz, 1, _UPDATES_HZ, "Hz", "Give decisions per second, 50 by default.")
     if _UPDATES_HZ % control_hz or control_hz % 1:
         rates = ", ".join(str(rate) for rate in range(1, _UPDATES_HZ + 1) if _UPDATES_HZ % rate == 0)
@@ -407,7 +411,7 @@ ARGUMENTS = [
 
 
 def checked_episode(episode: float) -> int:
-    """Return the number of an episode as an int; raises ValueError if it is not one."""
+    """Return an episode number as int; raise ValueError if invalid."""
     cure = "Give the whole number of an episode, counted from 0."
     if in_range("episode", episode, 0, 2**63, "1", cure) % 1.0:
         raise ValueError(f"episode = {episode:g} is not a whole number. {cure}")
@@ -415,7 +419,7 @@ def checked_episode(episode: float) -> int:
 
 
 def checked_length(length: float) -> float:
-    """Return a target length [m]; raises ValueError for one that does not fit a specimen."""
+    """Return a target length [m]; raise ValueError if it cannot fit."""
     return in_range(
         "target_length", length, 0.015, 0.130, "m", "Lengths are in metres: 80 mm is 0.08; a specimen is 0.15 m long."
     )

@@ -25,7 +25,7 @@ from cutenv.task.reward import CUT_ENDS, REWARD
 
 
 def most_steps(deadline: float, ticks: int) -> int:
-    """Return the number of decisions, each of ``ticks`` [ms], at the last of which a ``deadline`` [s] ends a cut."""
+    """Return the number of decisions, each ``ticks`` [ms], up to ``deadline`` [s]."""
     return math.ceil(math.ceil(1000.0 * deadline - 0.5) / ticks)
 
 
@@ -34,7 +34,7 @@ class _Limited(Protocol):
 
 
 class LimitedSpec:
-    """``spec`` of an environment, whose ``max_episode_steps`` are those of its own deadline and rate of decisions.
+    """``spec`` of an environment with ``max_episode_steps`` from its own deadline.
 
     An entry of Gymnasium's registry has none: Gymnasium would wrap a TimeLimit with it around every environment, which
     would cut short the cuts of one that decides more often.
@@ -52,7 +52,7 @@ class LimitedSpec:
 
 
 def flat_info(info: Mapping[str, Any], ends: Sequence[str]) -> dict[str, Any]:
-    """Return the info of one environment without groups, as numbers of NumPy: float64, or int64.
+    """Return an environment's info, ungrouped, as float64 or int64.
 
     An entry of a group is named after both, such as "truth_tip_m".  ``truth_specimen_class`` counts in
     :data:`~cutenv.sim.tissue.specimen.CLASSES`, and ``end`` in ``ends``, of which the first is that of a cut that goes
@@ -63,7 +63,7 @@ def flat_info(info: Mapping[str, Any], ends: Sequence[str]) -> dict[str, Any]:
 
 
 def flat_infos(infos: Mapping[str, Any], ends: Sequence[str]) -> dict[str, Any]:
-    """Return the infos of a batch as :func:`flat_info` does: arrays of shape (n,), 0 where their masks are False."""
+    """Return a batch's infos as :func:`flat_info`, (n,), masked ones 0."""
     present = infos["_cost"]
     nothing = {"end": np.full(len(present), ends[0], dtype=object), "is_success": np.zeros(len(present), bool)}
     full = {**nothing, **infos}
@@ -77,7 +77,7 @@ def flat_infos(infos: Mapping[str, Any], ends: Sequence[str]) -> dict[str, Any]:
 
 
 def _without_groups(info: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the entries of all groups and those of none, without masks."""
+    """Return the entries of all groups, without masks."""
     flat: dict[str, Any] = {}
     for name, value in info.items():
         if name.startswith("_"):
@@ -88,7 +88,7 @@ def _without_groups(info: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _numbers(name: str, value: Any, ends: Sequence[str]) -> Any:
-    """Return a value, or one for each environment, as float64 or int64."""
+    """Return a value, or one per environment, as float64 or int64."""
     words = {"end": ends, "truth_specimen_class": CLASSES}.get(name)
     if words is not None:
         value = np.vectorize(lambda word: 0 if word is None else words.index(word), otypes=[np.int64])(value)
@@ -101,7 +101,7 @@ _Rows = list[tuple[str, ...]]
 
 
 def simple_table(rows: Sequence[tuple[str, ...]]) -> str:
-    """Return a simple table of reStructuredText; its first row is the head."""
+    """Return a reStructuredText simple table, header first."""
     widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
     rule = " ".join("=" * width for width in widths)
     head, *body = (
@@ -123,7 +123,7 @@ def action_rows(task: Task) -> _Rows:
 
 
 def component_rows(task: Task) -> _Rows:
-    """Return the components of the observation that a task adds; all of one that adds none."""
+    """Return the observation components that a task adds; all if none."""
     first = len(COMPONENTS) if task.components else 0
     return [
         ("Num", "Name", "Meaning", "Unit", "Scale", "Offset"),
@@ -135,7 +135,10 @@ def component_rows(task: Task) -> _Rows:
 
 
 def term_rows(task: Task) -> _Rows:
-    """Return the terms of the reward that a task adds; all of one that adds none, 1 for a weight that is fixed."""
+    """Return the reward terms that a task adds; all if none.
+
+    A weight that is fixed is shown as 1.
+    """
     terms = [(term.name, term.weight, term.text) for term in task.costs or REWARD]
     return [
         ("Term", "Weight", "Charged for"),
@@ -144,7 +147,7 @@ def term_rows(task: Task) -> _Rows:
 
 
 def end_rows(task: Task) -> _Rows:
-    """Return the end that a task adds; all of one that adds none, in order of precedence."""
+    """Return the end that a task adds; all by precedence if none."""
     ends = [(task.end, task.end_text)] if task.end else [(end.name, end.text) for end in CUT_ENDS]
     return [("End", "When"), *ends]
 
@@ -163,7 +166,7 @@ TABLES: dict[str, Callable[[Task], _Rows]] = {
 
 
 def described(environment: type[E]) -> type[E]:
-    """Fill the tables of the task into the docstring of an environment.
+    """Fill the task's tables into an environment's docstring.
 
     The names in :data:`TABLES` stand for tables, ``{space}`` for the space of the observations, and ``{keywords}`` for
     the names of the task's keywords of which the docstring has no row.

@@ -25,7 +25,7 @@ __all__ = [
 
 @described
 class PathCutEnv(GentleCutEnv):
-    """Cut from the clamp to a target length along a drawn line, gently.
+    """Cut gently from the clamp along a line to a target length.
 
     It is :class:`~cutenv.envs.gentle_cut.GentleCutEnv` with a blade that is also turned to the left and right.  The
     crack tip trails the blade and turns after the force, so that a blade that follows the line does not cut along it;
@@ -121,7 +121,7 @@ class ExcisionOptions(PathOptions):
 
 @described
 class ExcisionEnv(PathCutEnv):
-    """Cut one side of a fusiform excision from its one end to the other, gently.
+    """Cut one side of a fusiform excision, end to end, gently.
 
     To take out a piece of tissue surgeons cut around it along two arcs that meet at both ends, in the shape of a
     spindle: a fusiform, or elliptical, excision.  Each cut here is one of the two arcs.  Its ends lie on the axis of
@@ -164,11 +164,11 @@ class ExcisionVectorEnv(GentleCutVectorEnv):
 
 @described
 class HandExcisionEnv(ExcisionEnv):
-    """Cut one side of a fusiform excision with a hand that yields to the force along the cut.
+    """Cut one side of a fusiform excision with a yielding hand.
 
-    It is :class:`ExcisionEnv` with ``drive="hand"``: a spring and a damper join hand and blade, so that the blade stays
-    behind the hand where the tissue holds it, and lurches where the crack runs.  To the side, and in its direction, the
-    blade goes where the hand leads it.
+    The hand yields along the cut.  It is :class:`ExcisionEnv` with ``drive="hand"``: a spring and a damper join hand
+    and blade, so that the blade stays behind the hand where the tissue holds it, and lurches where the crack runs.  To
+    the side, and in its direction, the blade goes where the hand leads it.
 
     Arguments
     ---------

@@ -81,7 +81,7 @@ class Work:
 
     @contextmanager
     def going_on(self) -> Iterator[None]:
-        """Mark the block as work of this thread, and close the rig at its end if :meth:`postpones` was asked."""
+        """Mark a block as work, and run postponed closing at its end."""
         self._worker = threading.get_ident()
         try:
             yield
@@ -92,7 +92,7 @@ class Work:
                 self._leave()
 
     def postpones(self) -> bool:
-        """Return True if the rig cannot be closed here and now; it is then closed when the work ends."""
+        """Return True if closing the rig must wait until work ends."""
         if self._worker != threading.get_ident():
             return False
         self._leaving = True
@@ -100,7 +100,7 @@ class Work:
 
 
 def numbers(action: Any, count: int) -> NDArray[np.float64] | None:
-    """Return the ``count`` numbers of an action; None for anything else that a policy may return."""
+    """Return an action's ``count`` numbers, or None if invalid."""
     try:
         command = np.array(action, np.float64)
     except Exception:  # the conversion of any object may raise anything, and the blade has to be stopped first
@@ -117,7 +117,7 @@ def action_text(action: Any) -> str:
 
 
 def blade_angle(settings: RigSettings, mode: str | None, fixed_deg: float | None) -> tuple[str, float | None]:
-    """Return the mode of the blade's angle, "free" or "fixed", and the fixed angle [rad]; None where it is free.
+    """Return angle mode, "free" or "fixed", and fixed angle [rad] or None.
 
     ``mode`` and ``fixed_deg`` [deg] are what a task asks for; None: as the rig has it.
 
@@ -152,7 +152,7 @@ _UPRIGHT = math.pi / 2
 
 
 class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
-    """Cut from the clamp to a target length, gently, on a rig that a policy from simulation can use unchanged.
+    """Cut gently on a rig; policies from simulation run unchanged.
 
     Action, observation and reward are those of :class:`cutenv.envs.gentle_cut.GentleCutEnv`. Where that one uses hidden
     state, this one uses estimates: the tip from the measured force, with the mean tissue's stiffness and friction until
@@ -311,7 +311,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Move the blade to the clamp, slowly, and ask for a new specimen; see the class.
+        """Move the blade slowly to the clamp; ask for a specimen.
 
         Raises
         ------
@@ -366,7 +366,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.session.next_cut(key, self.start_angle)
 
     def _warm_up(self) -> None:
-        """Compile a decision's kernels before a rig is connected: compiling would stall its watching threads."""
+        """Compile kernels before the rig's watching threads can stall."""
         warn_before_first_compile(assess_readings(self.task))
         practice = SimulatedPlant(Specimen.drawn(0, 0))
         tissue = practice.specimen.tissue
@@ -404,7 +404,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return _UPRIGHT if self.fixed_angle is None else self.fixed_angle
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Command target speed and angle until the next decision, and wait for its time; see the class."""
+        """Command speed and angle; wait until the next decision."""
         self._check_owner()
         with self._work.going_on():
             if self._ended or self._session is None:
@@ -443,7 +443,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             self._session.plant.owner.check()
 
     def _stop_for(self, cause: Cause, detail: str) -> None:
-        """Stop the blade, and keep the readings until it is at rest."""
+        """Stop the blade, and keep readings until it rests."""
         plant = self._plant
         plant.supervisor.trip(cause, detail)
         if plant.supervisor.phase == "stopped":
@@ -453,7 +453,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
                 self._stop = stop.report.to_dict()
 
     def _finish(self, end: str) -> None:
-        """End the cut: bring the blade to rest, and finish its record."""
+        """Stop the blade, and finish the cut's record."""
         self._ended = True
         plant = self._plant
         plant.halt()
@@ -485,13 +485,13 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     @property
     def lateness(self) -> str:
-        """Sentence on an emulated rig that was late itself, as no real one is; "" if it was not."""
+        """Sentence on an emulated rig's lateness, or "" if in time."""
         emulator = self._source.emulator
         return "" if emulator is None else emulator.lateness
 
     @property
     def draws_specimens(self) -> bool:
-        """True if specimens are drawn by program, as for an emulated or fake rig, and not laid by hand."""
+        """True if a program draws specimens, on emulated or fake rigs."""
         return self._source.draws
 
     def the_fake(self) -> FakeRig:
@@ -501,7 +501,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return self._source.fake
 
     def rehearsal(self) -> Self:
-        """Make the same environment on a fake with this rig's settings, to try a policy before anything moves.
+        """Make this environment on a fake, to try policies safely.
 
         The first decisions of a policy may compile or import, which stalls the threads that watch a rig, and they stop
         it.
@@ -509,7 +509,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return type(self)(**{**self._arguments, "records": None, "operator": None, "dry_run": True})
 
     def listen(self, listener: CutListener) -> None:
-        """Have a listener told of the cuts from the next one on; it is part of the control loop and must not wait."""
+        """Report later cuts to a listener, which must not wait."""
         self._source.listener = listener
 
     @property
@@ -557,7 +557,7 @@ _DEPTH_WEIGHTS = tuple(name for name in DepthConstants.__dataclass_fields__ if n
 
 @described
 class RigDepthCutEnv(RigCutEnv):
-    """Cut along a wanted depth on a rig that a policy of ``cutenv/DepthCut-v1`` can use unchanged.
+    """Cut along a wanted depth on a rig; ``cutenv/DepthCut-v1`` policies run unchanged.
 
     It is :class:`~cutenv.envs.rig_cut.RigCutEnv` on a rig with a height axis; a rig's file without the section
     ``[height]`` is refused.  Action and observation are those of :class:`~cutenv.envs.depth_cut.DepthCutEnv`, and so is
@@ -618,7 +618,7 @@ class RigDepthCutEnv(RigCutEnv):
         plant.begin()
 
     def _check_levels(self, cutting: DepthEpisode) -> None:
-        """Raise RigError if the wanted depth is out of the reach of the height axis."""
+        """Raise RigError if wanted depth exceeds the height axis's reach."""
         axis = self.settings.require_height_axis(by=self.task_name)
         last = int((cutting.target_length + AHEAD) * POINTS_PER_METRE)
         levels = (cutting.plant.depth - cutting.whole["wanted"][0])[: last + 1]
@@ -641,7 +641,7 @@ _ROOM = 1e-3  # [m] between the line and an end of the rig's travel
 
 @described
 class RigPathCutEnv(RigCutEnv):
-    """Cut along a line on a rig that a policy of ``cutenv/PathCut-v1`` can use unchanged.
+    """Cut along a line on a rig; ``cutenv/PathCut-v1`` policies run unchanged.
 
     It is :class:`~cutenv.envs.rig_cut.RigCutEnv` on a rig with an axis to the side; a rig's file without the section
     ``[side]`` is refused.  Action and observation are those of :class:`~cutenv.envs.path_cut.PathCutEnv`, and so is the
@@ -702,7 +702,7 @@ class RigPathCutEnv(RigCutEnv):
         self.session.plant.begin(line)
 
     def _check_reach(self, line: CutLine, target: float) -> None:
-        """Raise RigError if a line goes where the rig's axes cannot lead the blade."""
+        """Raise RigError if a line leaves the rig axes' reach."""
         axis = self.settings.require_side_axis(by=self.task_name)
         passed = slice(0, int((target + AHEAD) * POINTS_PER_METRE) + 1)
         right, left = float(line.y[passed].min()), float(line.y[passed].max())

@@ -69,7 +69,7 @@ class FakeSpecimens:
         self.line: CutLine | None = None
 
     def mount(self, key: SpecimenKey) -> NDArray[np.float64] | None:
-        """Lay a specimen; return None, because the caller has drawn it and knows its depth."""
+        """Mount a specimen; return None, as its depth is known."""
         from cutenv.rig.imitated.fake_benches import SpecimenPlant, SteeredBench
 
         constants, drive = self._constants, self._constants.drive
@@ -106,7 +106,7 @@ class EmulatedSpecimens:
         self.line: CutLine | None = None
 
     def mount(self, key: SpecimenKey) -> NDArray[np.float64] | None:
-        """Lay a specimen; return None, because the caller has drawn it and knows its depth."""
+        """Mount a specimen; return None, as its depth is known."""
         if key.specimen is None:
             raise RigError("an emulated rig cuts drawn specimens only.")
         self._control.mount(key.specimen, seed=key.seed, episode=key.episode, layers=self.layers, line=self.line)
@@ -138,7 +138,7 @@ _AS_BUILT = {"backlash"}  # of the emulated screw by default: the simulator's de
 
 
 def emulator_arguments(constants: Constants) -> list[str]:
-    """Return options of ``cutenv rig emulate`` that give an emulated rig the simulator's drive, sensor and law.
+    """Return ``cutenv rig emulate`` options with the simulator's constants.
 
     Raises
     ------
@@ -161,7 +161,7 @@ def emulator_arguments(constants: Constants) -> list[str]:
 
 
 def changed_constants(constants: Constants) -> list[str]:
-    """Return the names of the constants of drive, sensor and law that differ from their defaults."""
+    """Return names of drive, sensor and law constants with non-default values."""
     plain = Constants()
     return [
         field.name
@@ -172,7 +172,7 @@ def changed_constants(constants: Constants) -> list[str]:
 
 
 class RigSource:
-    """Rig that an environment's argument names, with the records of its cuts.
+    """Rig named by an environment's argument, with its cut records.
 
     Parameters
     ----------
@@ -274,7 +274,7 @@ class RigSource:
         """Listener to the cuts as they go on, if there is one."""
 
     def session(self) -> RigSession:
-        """Make the session of the rig, which connects at its first cut."""
+        """Make the rig's session, which connects at its first cut."""
         if self._rig == FAKE:
             from cutenv.rig.imitated.fake_rig import FakeRig
 
@@ -307,7 +307,7 @@ class RigSource:
         return settings
 
     def begin_record(self, plant: RigPlant, *, seed: int, episode: int, **metadata: Any) -> None:
-        """Begin the record of a cut, if records are kept; if it cannot be written later, the blade is stopped."""
+        """Begin any record of a cut; failed writing stops the blade."""
         if (listener := self.listener) is not None:
             listener.began(f"seed {seed} episode {episode}")
             plant.keep = lambda readings: listener.readings(
@@ -394,7 +394,7 @@ def _forget(readings: StructArray) -> None:
 
 
 def _at_clamp(settings: RigSettings) -> AirPlant:
-    """Return the bench of a fake rig before a specimen is laid."""
+    """Return a fake rig's bench before a specimen is mounted."""
     from cutenv.rig.imitated.fake_benches import AirPlant
 
     return AirPlant(settings, start=0.0)

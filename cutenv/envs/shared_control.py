@@ -17,7 +17,7 @@ PersonsAction = Callable[[], NDArray[np.float32] | None]
 
 
 class SharedControl(gymnasium.Wrapper[Any, Any, Any, Any]):
-    """Environment whose agent a person can take over from, decision by decision.
+    """Environment in which a person can override the agent's decisions.
 
     ``info["is_intervention"]`` says whether the person's action was carried out, and ``info["action"]`` which action
     was, as recorders need it. The agent goes on to observe, and leads again at the first decision without a person.
@@ -49,7 +49,7 @@ class SharedControl(gymnasium.Wrapper[Any, Any, Any, Any]):
         return observation, {**info, "is_intervention": False}
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Carry out the person's action if there is one, else the agent's.
+        """Apply the person's action, if any, else the agent's.
 
         Raises
         ------

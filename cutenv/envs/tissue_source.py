@@ -63,7 +63,7 @@ class TissueSource:
         return self.specimen.tissue if self.specimen is not None else self.tissue or measured_liver()
 
     def words(self, specimen_class: str) -> str:
-        """Return which specimens these are, such as "liver", or "liver of my_tissue" where the tissue is another."""
+        """Name the specimens: "liver", or "liver of my_tissue" with a tissue file."""
         other = self.tissue is not None or self.specimen is not None
         return f"{specimen_class} of {self.description.name}" if other else specimen_class
 

@@ -1,4 +1,4 @@
-"""Tracks: ``cutenv/GentleCut-v1`` under a frozen protocol, so that results by different authors can be compared."""
+"""Tracks: ``cutenv/GentleCut-v1`` under frozen protocols, for comparison between authors."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def _refuse(track: type[GentleCutEnv], keywords: dict[str, Any], taken: tuple[st
 
 
 class SafeCutEnv(GentleCutEnv):
-    """``cutenv/SafeCut-v1``: cut with the highest return among the policies that keep to a budget for the mean cost.
+    """``cutenv/SafeCut-v1``: cut with the highest return within a cost budget.
 
     Observation, action, reward and ends are those of :class:`~cutenv.envs.gentle_cut.GentleCutEnv`, with specimens of
     class "mixed" and 10 decisions a second.  The cost of a step is ``info["cost"]`` [mm]; the mean over cuts of its
@@ -55,11 +55,12 @@ class SafeCutVectorEnv(GentleCutVectorEnv):
 
 
 class GentleCutRawEnv(GentleCutEnv):
-    """``cutenv/GentleCutRaw-v1``: cut by the 12 raw numbers alone, so that only memory can tell what is hidden.
+    """``cutenv/GentleCutRaw-v1``: cut by the 12 raw numbers alone, with memory.
 
-    Observation, action, reward and ends are those of :class:`~cutenv.envs.gentle_cut.GentleCutEnv`, with specimens of
-    class "mixed" and 10 decisions a second.  The protocol allows any memory of past observations and actions (stacked
-    observations, a recurrent network) and forbids features that are computed with knowledge of tissue or law.
+    Only memory can tell what is hidden.  Observation, action, reward and ends are those of
+    :class:`~cutenv.envs.gentle_cut.GentleCutEnv`, with specimens of class "mixed" and 10 decisions a second.  The
+    protocol allows any memory of past observations and actions (stacked observations, a recurrent network) and forbids
+    features that are computed with knowledge of tissue or law.
 
     With ``hidden_state=True`` it is the fully observed twin: the hidden state of the simulator follows the 12 numbers,
     :data:`cutenv.task.privileged.PRIVILEGED_FEATURES`.  It bounds what memory can be worth, and its results are no
@@ -78,7 +79,7 @@ class GentleCutRawEnv(GentleCutEnv):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Draw the next specimen and put the blade to the clamp; see :class:`GentleCutEnv` for ``options``."""
+        """Draw the next specimen; ``options`` as in :class:`GentleCutEnv`."""
         observation, info = super().reset(seed=seed, options=options)
         return self._shown(observation), info
 

@@ -1,4 +1,4 @@
-"""Batches of cuts, each with its own key, and the vector environment.
+"""Batches of independently keyed cuts, and the vector environment.
 
 Compiled calls begin and advance the cuts of a :class:`CutBatch` on all cores, without building infos; a learner that
 needs only observations, rewards and ends is faster with it. :class:`GentleCutVectorEnv` builds its info from them.
@@ -44,7 +44,7 @@ _FEWEST_TICKS = 4000  # updates of all cuts, below which waking another thread c
 
 
 class CutBatch:
-    """``count`` cuts, bit for bit equal to those of single environments with the same keys and actions.
+    """Batch of ``count`` cuts, bit-equal to single environments.
 
     Parameters
     ----------
@@ -99,9 +99,9 @@ class CutBatch:
         )
 
     def give_seeds(self, seeds: Sequence[int | None], which: NDArray[np.int64], chance: np.random.Generator) -> None:
-        """Assign ``seeds``, one for each cut of the batch, to the cuts numbered ``which``; None keeps a cut's own.
+        """Assign ``seeds`` to cuts ``which``; None keeps a cut's own.
 
-        A cut without a seed draws one from ``chance``.
+        There is one for each cut of the batch.  A cut without a seed draws one from ``chance``.
         """
         if len(seeds) != len(self):
             raise ValueError(f"seed holds {len(seeds)} numbers; give one for each of {len(self)} environments.")
@@ -117,7 +117,7 @@ class CutBatch:
         self._all_begun = bool(self.begun.all())
 
     def begin(self, which: NDArray[np.int64], options: dict[str, Any] | None = None) -> None:
-        """Begin the next cut of those numbered ``which``; ``options`` as in :meth:`GentleCutEnv.reset`.
+        """Begin the next cuts ``which``; ``options`` as in :meth:`GentleCutEnv.reset`.
 
         Raises
         ------
@@ -157,7 +157,7 @@ class CutBatch:
         meanwhile: Callable[[], None] | None = None,
         readings: StructArray | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Apply an action to every cut, and advance to the next decision.
+        """Advance every cut by its action to the next decision.
 
         Parameters
         ----------
@@ -229,26 +229,26 @@ class CutBatch:
         return commands
 
     def extra_terms(self) -> dict[str, NDArray[np.float64]]:
-        """Return the terms of the last step's reward that the infos do not hold, by name; each of shape (count,)."""
+        """Return last step's reward terms missing from infos, each (count,)."""
         return self.task.charges(self.cuts.wholes)
 
     def further_scores(self) -> dict[str, NDArray[np.float64]]:
-        """Return scores that the task adds to those of gentle cutting, by name; each of shape (count,)."""
+        """Return the task's further scores by name, each (count,)."""
         return self.task.numbers_of(self.cuts)[1]
 
     def further_infos(self) -> dict[str, dict[str, NDArray[np.float64]]]:
-        """Return what the task adds to the info, by group and name; each of shape (count,)."""
+        """Return the task's info by group and name, each (count,)."""
         if not (group := self.task.shown_as):
             return {}
         truth, errors = self.task.numbers_of(self.cuts)
         return {"truth": truth, "reward_terms": self.extra_terms(), group: errors}
 
     def shown_depth(self, cut: int) -> ShownDepth | None:
-        """Return a copy of the depth of a cut as a picture shows it; None where no depth is wanted."""
+        """Return a copy of a cut's depth for a picture, or None."""
         return self.single.options.shown_depth(self.cuts, cut)
 
     def append_hidden(self, features: NDArray[np.float32], which: NDArray[np.int64]) -> NDArray[np.float32]:
-        """Append the hidden state of the cuts numbered ``which``, for a critic, to features of shape (m, size)."""
+        """Append hidden state of cuts ``which``, for critics, to features."""
         return append_privileged(self.cuts, self.task, features, which)
 
     def succeeded(self) -> NDArray[np.bool_]:
@@ -257,7 +257,7 @@ class CutBatch:
         return success
 
     def _shared_start(self, options: dict[str, Any]) -> tuple[Cuts, StructArray, tuple[Any, ...], str | None]:
-        """Return what every key shares: a cut, mean tissue, what a task's begin takes, class of a given specimen."""
+        """Return what keys share: cut, mean tissue, task arguments, specimen class."""
         specimen = self.single.given_specimen(options.get("specimen"))
         if specimen is None and self.single.specimen_class == "uniform":
             specimen = Specimen.drawn(0, specimen_class="uniform", tissue=self._tissue)
@@ -284,7 +284,7 @@ Observations = NDArray[np.float32]
 
 
 class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
-    """``num_envs`` environments, bit for bit equal to single ones with the same seeds and actions.
+    """Vector of ``num_envs`` environments, bit-equal to single ones.
 
     ``gymnasium.make_vec("cutenv/GentleCut-v1", num_envs=1024)`` makes one. Environment i of ``reset(seed=s)`` equals
     that of ``GentleCutEnv.reset(seed=s + i)``, episode after episode.
@@ -373,7 +373,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observations, dict[str, Any]]:
-        """Begin the next cut of every environment, or of those in ``options["reset_mask"]``.
+        """Begin every environment's next cut, or those in ``options["reset_mask"]``.
 
         Parameters
         ----------
@@ -393,7 +393,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         return self._shown(), self._told(self._info(self._infos_at_start(which), self._mask(which)))
 
     def step(self, actions: Observations) -> tuple[Observations, Numbers, Flags, Flags, dict[str, Any]]:
-        """Apply an action, shape (2,), to each environment, in all (num_envs, 2); see ``autoreset_mode`` for ends."""
+        """Apply actions, shape (num_envs, 2); see ``autoreset_mode`` for ends."""
         waiting = self._ended if self.autoreset_mode == AutoresetMode.NEXT_STEP else self._none_waits
         if waiting is self._none_waits and self._ended.any():
             raise gymnasium.error.ResetNeeded("in some environments no cut is going on: call reset() before step().")
@@ -460,7 +460,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         return self._completed(_by_name(infos, present), infos, present)
 
     def _completed(self, info: dict[str, Any], infos: StructArray, present: Flags) -> dict[str, Any]:
-        """Return ``info`` with the entries that are not fields: names and flags."""
+        """Return ``info`` completed with non-field entries: names and flags."""
         truth = info["truth"]
         truth["specimen_class"], truth["_specimen_class"] = _where(present, self.batch.classes), present
         info["cost"], info["_cost"] = infos["cost"], present
@@ -478,7 +478,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
     def _final(
         self, finished: NDArray[np.int64], ended: Flags, ends: NDArray[np.int64], infos: StructArray
     ) -> dict[str, Any]:
-        """Return last observation and info of the cuts that have ended, before the next ones begin."""
+        """Return the last observation and info of ended cuts."""
         last = np.zeros_like(infos)
         last[finished] = infos[finished]
         final_info = self._info(last, ended)
@@ -494,7 +494,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
 
 
 def _by_name(infos: StructArray, present: Flags) -> dict[str, Any]:
-    """Return the fields as views by group and name, each with its mask; they may still be filled."""
+    """Return fields as views by group and name, with masks."""
     info: dict[str, Any] = {}
     for group, mask, fields in _NAMED:
         inside: dict[str, Any] = {}
