@@ -1,4 +1,4 @@
-"""Agents: policies, the learners that train them, and the comparison of agents in simulation and on a rig.
+"""Agents: policies, their training, and comparison in simulation and on rigs.
 
 - :mod:`~cutenv.agents.policy`: scripts, planners and trained networks, as functions from an observation to an action;
   needs NumPy alone;

@@ -28,7 +28,7 @@ _SAME_DEPTH = 1e-6  # [m]
 
 
 def scripts_on_specimen_of(trace: Trace) -> tuple[ScriptScore, ...]:
-    """Return what scripts get on the specimen of a simulated record, cut to the same target; () if it is unknown.
+    """Return the scripts' scores on a simulated record's specimen, or ().
 
     A record names its specimen by class, seed and number. They count only if the specimen drawn from them has the depth
     that was recorded: another version of the tissue, or a real rig with the same seed, has another.

@@ -42,7 +42,7 @@ _GAINS = tuple(f"reward_terms_{term.name}" for term in REWARD if term.gain or te
 
 
 class NativeVecEnv(VecEnv):
-    """``cutenv/GentleCut-v1`` many times over, or another task, with its own observations and actions.
+    """Vector environment of ``cutenv/GentleCut-v1``, or another task, for Stable-Baselines3.
 
     A cut that has ended starts again within the same step; its return and length are in ``info["episode"]``, as from
     Stable-Baselines3's ``Monitor``, with its ``cost``, beside ``is_success``, ``end`` and ``terminal_observation``.
@@ -98,13 +98,13 @@ class NativeVecEnv(VecEnv):
 
     @property
     def observations(self) -> np.ndarray:
-        """Observations of the environments, shape (n, k); the next step overwrites them."""
+        """Observations, shape (n, k), overwritten by the next step."""
         observations: np.ndarray = self._batch.observations
         return observations
 
     @property
     def gained(self) -> np.ndarray:
-        """Gains of the last decision, shape (n,): its rewards without their costs; progress, accuracy, success."""
+        """Gains of the last decision, (n,): rewards without costs."""
         gains: np.ndarray = sum((self._infos[name] for name in _GAINS), np.zeros(self.num_envs))
         return gains
 
@@ -113,15 +113,15 @@ class NativeVecEnv(VecEnv):
         return self._with_hidden_state(self.observations, np.arange(self.num_envs))
 
     def _observe_start(self, started: np.ndarray) -> np.ndarray:
-        """Return the observations of the environments with these indices at the start of their cut."""
+        """Return initial observations of the environments at these indices."""
         return self._with_hidden_state(self.observations[started], started)
 
     def _with_hidden_state(self, shown: np.ndarray, numbers: np.ndarray) -> np.ndarray:
-        """Return a copy of what the environments with these numbers show, and their hidden state if it is asked for."""
+        """Return a copy of numbered environments' observations, with any hidden state."""
         return self._batch.append_hidden(shown, numbers) if self._hidden else shown.copy()
 
     def reset(self) -> np.ndarray:
-        """Reset every environment to episode :attr:`first_episode` of its seed, with the options that were set."""
+        """Reset each environment to its seed's :attr:`first_episode`, with set options."""
         start = time.perf_counter()
         wanted = self._options
         self._reset_options()  # they hold for one reset, even if it refuses them
@@ -140,9 +140,9 @@ class NativeVecEnv(VecEnv):
         return shown
 
     def seed(self, seed: int | None = None) -> list[int | None]:
-        """Give environment i the seed ``seed + i`` from the next reset on, or draw one; return the seeds.
+        """Seed environment i by ``seed + i``, or randomly; return the seeds.
 
-        Seeds that were given one by one are kept, and returned.
+        They count from the next reset on.  Seeds that were given one by one are kept, and returned.
         """
         if not self._keeps_seeds:
             first = int(np.random.default_rng().integers(2**32)) if seed is None else int(seed)
@@ -150,7 +150,9 @@ class NativeVecEnv(VecEnv):
         return list(self.specimen_seeds)
 
     def set_options(self, options: list[dict[str, Any]] | dict[str, Any] | None = None) -> None:
-        """Set options of the next reset alone, for all environments or for each: those of ``GentleCutEnv.reset``.
+        """Set the next reset's options, for all environments or each.
+
+        They are those of ``GentleCutEnv.reset``.
 
         Raises
         ------
@@ -167,11 +169,11 @@ class NativeVecEnv(VecEnv):
         super().set_options(options)
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Store the actions, shape (n, 2), or (n, 3) with depth, for :meth:`step_wait`."""
+        """Store actions, (n, 2), or (n, 3) with depth, for :meth:`step_wait`."""
         self._actions[:] = actions
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        """Return observations, rewards, ends and infos; a cut that has ended starts again at once."""
+        """Return observations, rewards, ends and infos; ended cuts restart at once."""
         start = time.perf_counter()
         rewards, ends = self._batch.decide(self._actions, infos=self._infos)
         self._returns += rewards
@@ -203,7 +205,7 @@ class NativeVecEnv(VecEnv):
     def env_is_wrapped(
         self, wrapper_class: type[gymnasium.Wrapper[Any, Any, Any, Any]], indices: Any = None
     ) -> list[bool]:
-        """Return True for ``Monitor`` alone: no environment is wrapped, but returns and lengths are in the infos."""
+        """Return True for ``Monitor`` alone, whose infos are provided."""
         return [wrapper_class is Monitor] * len(list(self._get_indices(indices)))
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
@@ -212,11 +214,11 @@ class NativeVecEnv(VecEnv):
         return [value for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Raise NotImplementedError: the keyword arguments of an environment are fixed when it is made."""
+        """Raise NotImplementedError: keyword arguments of environments are fixed."""
         raise NotImplementedError(f"{attr_name} cannot be set; make new environments with other keyword arguments.")
 
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
-        """Raise NotImplementedError: there are no single environments to call a method of."""
+        """Raise NotImplementedError: there are no single environments with methods."""
         raise NotImplementedError(f"{method_name} cannot be called; all environments step in one call.")
 
 
@@ -286,13 +288,13 @@ class FeatureVecEnv(NativeVecEnv):
         return self._shown(self._features(self.observations[started], started), started)
 
     def _shown(self, features: np.ndarray, numbers: np.ndarray) -> np.ndarray:
-        """Return features, place for the script's action, and hidden state if it is asked for."""
+        """Return features, room for the script's action, and any hidden state."""
         place = np.zeros((len(features), self._scripted.shape[1]), np.float32)
         shown = np.concatenate([features, place], axis=1) if self._script else features
         return self._with_hidden_state(shown, numbers)
 
     def _with_script(self, shown: np.ndarray) -> np.ndarray:
-        """Let the script decide, once for all environments, and fill its actions in."""
+        """Fill in the script's actions, decided once for all environments."""
         if self._script is not None:
             start = time.perf_counter()
             self._scripted = self._script.act(self.observations)
@@ -308,14 +310,14 @@ class FeatureVecEnv(NativeVecEnv):
         return self._with_script(shown)
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Store the actions, shape (n, 2), or (n, 3), for :meth:`step_wait`; the script's are added."""
+        """Store actions, (n, 2) or (n, 3), added to the script's."""
         if self._script is None:
             super().step_async(actions)
         else:
             self._added = np.array(actions, np.float32)
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        """Return observations, rewards, ends and infos; a cut that has ended starts again at once."""
+        """Return observations, rewards, ends and infos; ended cuts restart at once."""
         if self._script is None:
             return super().step_wait()
         rewards, ended = np.zeros(self.num_envs, np.float32), np.zeros(self.num_envs, bool)

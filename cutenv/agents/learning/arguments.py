@@ -44,7 +44,7 @@ class BadArguments(ValueError):
 
 
 def for_rig(chosen: Mapping[str, Any]) -> dict[str, Any]:
-    """Return chosen options with what the file of a rig determines: the blade's angle and decisions a second.
+    """Return options with a rig file's blade angle and decision rate.
 
     Raises
     ------
@@ -74,9 +74,9 @@ def for_rig(chosen: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def actor_critic_inputs(task: RegisteredTask, history: int, critic: str, base: str = "none") -> dict[str, int]:
-    """Return the input sizes of an actor with this history, and of a critic that sees "truth" or "features".
+    """Return the input sizes of an actor and its critic.
 
-    With the ``base`` "script", both see the script's action as well.
+    The critic sees "truth" or "features".  With the ``base`` "script", both see the script's action as well.
     """
     features = task.features(history=history).size + (len(task.task.action_names) if base == "script" else 0)
     return {"features": features, "critic": features + (len(task.privileged) if critic == "truth" else 0)}
@@ -177,13 +177,13 @@ class LearnerArguments:
 
     @classmethod
     def knowing_nothing(cls, chosen: Mapping[str, Any], *, quick: bool = False) -> dict[str, Any]:
-        """Return the options chosen for a new run from nothing, for :meth:`completed`."""
+        """Return chosen options of a new run, for :meth:`completed`."""
         shorter = {name: value for name, value in cls.quick.items() if name in cls.from_nothing} if quick else {}
         return {"demonstrations": 0, **cls.from_nothing, **shorter, **chosen}
 
     @classmethod
     def completed(cls, chosen: Mapping[str, Any], *, quick: bool = False) -> dict[str, Any]:
-        """Return the options chosen for a new run, those that follow from them, and :attr:`quick` if it is to be quick.
+        """Return the complete options of a new run, quick if asked.
 
         Raises
         ------
@@ -207,12 +207,12 @@ class LearnerArguments:
 
     @property
     def environment(self) -> dict[str, Any]:
-        """Keyword arguments of the environment in which the agent is trained and tested."""
+        """Keyword arguments of the environment for training and testing."""
         return {**drawn_as(vars(self)), "control_hz": self.control_hz, **self.angle, **self.simulated}
 
     @property
     def simulated(self) -> dict[str, float]:
-        """Constants of the rig to train for; empty where none is named."""
+        """Constants of the rig to train for; empty without one."""
         return rig_constants(self.rig) if self.rig else {}
 
     @property
@@ -224,12 +224,12 @@ class LearnerArguments:
 
     @property
     def features(self) -> dict[str, Any]:
-        """Keyword arguments of :class:`cutenv.agents.policy.Features`; ``force`` is there only if it is not felt."""
+        """Keyword arguments of :class:`cutenv.agents.policy.Features`, ``force`` only if not felt."""
         return {"history": self.history} | ({} if self.force == "felt" else {"force": False})
 
     @property
     def correction(self) -> dict[str, Any]:
-        """Script to whose action the actor's is added, and for how many decisions that is held; empty without one."""
+        """Script whose actions the actor corrects, and for how many decisions; or empty."""
         return {}
 
     @property
@@ -244,7 +244,7 @@ class LearnerArguments:
         return VALIDATION_SEEDS[: self.validation_specimens]
 
     def environments_at(self, seeds: range) -> FeatureVecEnv:
-        """Make environments with these seeds, which show the hidden state after the features."""
+        """Make environments with these seeds, with hidden state after features."""
         from cutenv.agents.sb3 import FeatureVecEnv
 
         return FeatureVecEnv(seeds, **self._shown)
@@ -342,7 +342,7 @@ class PPOArguments(TrialArguments):
                 raise BadArguments("--base script feels the force, which --force unfelt hides; give --base none")
 
     def training_environments(self) -> FeatureVecEnv | EnvironmentGroups:
-        """Make the environments to train in, easier at first if that is asked for."""
+        """Make the environments to train in, easier at first if asked."""
         if not self.easier:
             return super().training_environments()
         from cutenv.agents.learning.environment_groups import EasierEnvironments
@@ -351,7 +351,7 @@ class PPOArguments(TrialArguments):
 
     @property
     def sizes(self) -> dict[str, Any]:
-        """Input sizes of actor and critic, units of a layer, first mean actions: keyword arguments of the networks."""
+        """Networks' keyword arguments: input sizes, units per layer, first actions."""
         inputs = actor_critic_inputs(self.learned_task, self.history, self.critic, self.base)
         begin = {"speed": self.forward, "angle": _UPRIGHT}
         first = [begin.get(name, 0.0) for name in self.learned_task.task.action_names] if self.forward else []
@@ -359,7 +359,7 @@ class PPOArguments(TrialArguments):
 
     @property
     def correction(self) -> dict[str, Any]:
-        """Script to whose action the actor's is added, and for how many decisions that is held; empty without one."""
+        """Script whose actions the actor corrects, and for how many decisions; or empty."""
         return {"script": self.script, "hold": self.hold} if self.base == "script" else {}
 
 
@@ -464,7 +464,7 @@ class BCArguments(LearnerArguments):
 
     @classmethod
     def completed(cls, chosen: Mapping[str, Any], *, quick: bool = False) -> dict[str, Any]:
-        """Return the options chosen for a new run, with what a data set determines.
+        """Return a new run's options, completed from its data set.
 
         Raises
         ------
@@ -517,7 +517,7 @@ class IQLArguments(BCArguments):
 
     @classmethod
     def completed(cls, chosen: Mapping[str, Any], *, quick: bool = False) -> dict[str, Any]:
-        """Return the options chosen for a new run, with what a data set determines; see :class:`BCArguments`."""
+        """Return a new run's options, as :class:`BCArguments` does."""
         if not chosen.get("dataset"):
             return {**(cls.quick if quick else {}), **chosen}
         if "other_script" in chosen:

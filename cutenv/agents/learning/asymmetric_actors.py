@@ -52,16 +52,17 @@ def _tower(inputs: int, hidden: int) -> nn.Sequential:
 
 
 def start_at(actions: Any, begin: Sequence[float]) -> None:
-    """Add mean actions to the bias of the layer of actions; none of them where ``begin`` is empty."""
+    """Add mean actions ``begin``, if any, to the action layer's bias."""
     if begin:
         actions.bias += torch.tensor(begin)
 
 
 class AsymmetricActorCritic(ActorCriticPolicy):
-    """Policy of Stable-Baselines3 whose actor sees the first ``features`` numbers, and its critic the first ``critic``.
+    """Stable-Baselines3 policy whose actor and critic see different features.
 
-    It draws its actions with a standard deviation that :class:`~cutenv.agents.learning.progress.Progress` sets.  Before
-    it has learned anything its mean action is ``begin``, by default 0.
+    The actor sees the first ``features`` numbers, the critic the first ``critic``.  It draws its actions with a
+    standard deviation that :class:`~cutenv.agents.learning.progress.Progress` sets.  Before it has learned anything its
+    mean action is ``begin``, by default 0.
     """
 
     def __init__(
@@ -83,7 +84,7 @@ class AsymmetricActorCritic(ActorCriticPolicy):
         return super()._get_constructor_parameters() | self._sizes
 
     def actor_parameters(self) -> list[nn.Parameter]:
-        """Return the parameters of the actor; it shares none with the critic."""
+        """Return the actor's parameters; none are shared with the critic."""
         return [*self.mlp_extractor.policy_net.parameters(), *self.action_net.parameters()]
 
     def action_for(self, seen: torch.Tensor) -> torch.Tensor:
@@ -133,7 +134,7 @@ class _Asymmetric:
         return parent.make_critic(FirstNumbers(self.observation_space, self._critic_inputs))
 
     def actor_parameters(self) -> list[nn.Parameter]:
-        """Return the parameters of the actor; it shares none with the critics."""
+        """Return the actor's parameters; none are shared with the critics."""
         return list(self.actor.parameters())
 
     def action_for(self, seen: torch.Tensor) -> torch.Tensor:
@@ -169,7 +170,7 @@ class Leading(BaseFeaturesExtractor):
 
 
 class RecurrentAsymmetricActorCritic(RecurrentActorCriticPolicy):
-    """Policy with an LSTM and one layer as actor, and two layers without memory as critic.
+    """Policy with an LSTM actor and a critic without memory.
 
     A critic that sees the hidden state needs no memory: the state is all that matters.
     """
@@ -201,7 +202,7 @@ class RecurrentAsymmetricActorCritic(RecurrentActorCriticPolicy):
     def _process_sequence(  # type: ignore[override]
         features: torch.Tensor, lstm_states: LSTMState, episode_starts: torch.Tensor, lstm: nn.LSTM
     ) -> tuple[torch.Tensor, LSTMState]:
-        """Reset the states at the start of a sequence at once; the base class would go through it step by step."""
+        """Reset the states at a sequence's start at once, for speed."""
         sequences = lstm_states[0].shape[1]
         starts = episode_starts.reshape(sequences, -1).clone()
         kept = (1.0 - starts[:, 0]).view(1, sequences, 1)
@@ -211,7 +212,7 @@ class RecurrentAsymmetricActorCritic(RecurrentActorCriticPolicy):
         return RecurrentActorCriticPolicy._process_sequence(features, states, starts.flatten(), lstm)  # type: ignore[return-value]
 
     def actor_parameters(self) -> list[nn.Parameter]:
-        """Return the parameters of the actor; it shares none with the critic."""
+        """Return the actor's parameters; none are shared with the critic."""
         return [
             *self.lstm_actor.parameters(),
             *self.mlp_extractor.policy_net.parameters(),
@@ -219,7 +220,7 @@ class RecurrentAsymmetricActorCritic(RecurrentActorCriticPolicy):
         ]
 
     def actions_along(self, seen: torch.Tensor) -> torch.Tensor:
-        """Return the most likely actions along whole cuts, axes (decision, cut, ...), before they are clipped."""
+        """Return the most likely actions along whole cuts, unclipped, (decision, cut, ...)."""
         remembered, _ = self.lstm_actor(self.pi_features_extractor(seen))
         actions: torch.Tensor = self.action_net(self.mlp_extractor.forward_actor(remembered))
         return actions

@@ -40,7 +40,7 @@ _MOMENTS = ("exp_avg", "exp_avg_sq", "step")  # Adam's state for each parameter
 
 
 class Fitted(Protocol):
-    """Agent that is fitted to data, with the ``predict`` of a model of Stable-Baselines3."""
+    """Agent fitted to data, with ``predict`` as in Stable-Baselines3."""
 
     @property
     def module(self) -> torch.nn.Module:
@@ -56,7 +56,7 @@ class Fitted(Protocol):
 
 
 class Fitting(Protocol):
-    """Fit of an agent to data, epoch by epoch, such as :class:`~cutenv.agents.learning.cloning.Cloning`."""
+    """Epoch-wise fit to data, such as :class:`~cutenv.agents.learning.cloning.Cloning`."""
 
     epoch: int
     optimizer: torch.optim.Adam
@@ -65,11 +65,11 @@ class Fitting(Protocol):
         """Go through the data once."""
 
     def error(self) -> float:
-        """Return the root mean square difference between the agent's actions and those of the data."""
+        """Return the root mean square error of the agent's actions."""
 
 
 class Clone:
-    """Network of a clone, with the ``predict`` of a model of Stable-Baselines3."""
+    """Clone's network, with ``predict`` as in Stable-Baselines3."""
 
     def __init__(self, arguments: BCArguments) -> None:
         torch.manual_seed(arguments.seed)
@@ -83,7 +83,7 @@ class Clone:
         )
 
     def __call__(self, observations: torch.Tensor) -> torch.Tensor:
-        """Return the actions for observations of the environments; the hidden state, which comes last, is ignored."""
+        """Return the actions for observations, ignoring the hidden state (last)."""
         actions: torch.Tensor = self.module(observations[..., : self._inputs])
         return actions
 
@@ -101,7 +101,7 @@ class Clone:
 
 
 def save_checkpoint(path: Path, clone: Fitted, cloning: Fitting, seconds: float) -> None:
-    """Write network, Adam's moments, the number of epochs and the time that they took, atomically."""
+    """Write network, Adam's moments, epochs and seconds, atomically."""
     content = {f"network.{name}": values for name, values in clone.module.state_dict().items()}
     for n, moments in cloning.optimizer.state_dict()["state"].items():
         content |= {f"adam.{n}.{name}": moments[name] for name in _MOMENTS}
@@ -110,7 +110,7 @@ def save_checkpoint(path: Path, clone: Fitted, cloning: Fitting, seconds: float)
 
 
 def load_checkpoint(path: Path, clone: Fitted, cloning: Fitting) -> float | None:
-    """Restore a checkpoint of :func:`save_checkpoint`; return its seconds, or None if it contains none."""
+    """Restore :func:`save_checkpoint`'s checkpoint; return its seconds, or None."""
     content = safetensors.torch.load_file(path)
     clone.module.load_state_dict(
         {name.removeprefix("network."): values for name, values in content.items() if name.startswith("network.")}
@@ -126,7 +126,7 @@ def load_checkpoint(path: Path, clone: Fitted, cloning: Fitting) -> float | None
 
 
 def training_data(arguments: BCArguments) -> tuple[DecisionDataset, dict[str, Any]]:
-    """Return the data that the clone is fitted to, and the facts about them for the policy's card.
+    """Return the data to fit the clone to, and facts for its card.
 
     Raises
     ------
@@ -154,7 +154,7 @@ def training_data(arguments: BCArguments) -> tuple[DecisionDataset, dict[str, An
 
 
 def source_of(dataset: MinariDataset) -> str:
-    """Return the source of the cuts of a data set, "unknown" if its metadata do not name it."""
+    """Return the source of a data set's cuts, or "unknown"."""
     metadata = dataset.storage.metadata
     return str(metadata.get("cutenv", {}).get("source", metadata.get("algorithm_name", "unknown")))
 
@@ -239,9 +239,10 @@ def run_learner(
     name: str = NAME,
     train: Callable[[RunRequest[Any], dict[str, Any]], None] = train,
 ) -> None:
-    """Fit, evaluate and report into the folder of the run; see :func:`cutenv.agents.learning.on_policy.run_learner`.
+    """Fit, evaluate and report into the run's folder.
 
-    ``name`` is that of the agent in reports; ``train`` does what the function of this module does.
+    See :func:`cutenv.agents.learning.on_policy.run_learner`.  ``name`` is that of the agent in reports; ``train`` does
+    what the function of this module does.
     """
     arguments, run = request.arguments, request.run
     facts = record_run(arguments, run, name)

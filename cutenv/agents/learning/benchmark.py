@@ -147,7 +147,7 @@ CUT_MARKS = {100: "100", 1000: "1,000", 10_000: "10,000", math.inf: "all"}
 
 
 def strata(runs: Sequence[RunRows], score: str) -> list[np.ndarray]:
-    """Return an array of shape (runs, specimens) for each tissue, without the specimens that lack the score."""
+    """Return an array, (runs, specimens), per tissue, without specimens lacking the score."""
     cells = [[row.get(score, "") for row in rows] for rows in runs]
     values = np.array([[math.nan if cell == "" else float(cell) for cell in own] for own in cells])
     tissue = np.array([row["specimen_class"] for row in runs[0]])
@@ -157,7 +157,10 @@ def strata(runs: Sequence[RunRows], score: str) -> list[np.ndarray]:
 
 
 def paired_difference(runs: Sequence[RunRows], others: Sequence[RunRows], score: str, protocol: Protocol) -> Interval:
-    """Return the mean difference on the same specimens, by training run where both have as many; outliers count."""
+    """Return the mean paired difference on the same specimens.
+
+    It is by training run where both have as many; outliers count.
+    """
     pairs = zip(strata(runs, score), strata(others, score), strict=True)
     return stratified([own - theirs for own, theirs in pairs], mean, resamples=protocol.resamples)
 
@@ -184,7 +187,7 @@ def standing(runs: Sequence[RunRows], script: RunRows, protocol: Protocol) -> di
 
 
 def shown(interval: Interval | None, factor: float = 1.0, digits: int = 2, sign: str = "") -> str:
-    """Format a number with its interval; a dash if there is none."""
+    """Format a number with its interval, or a dash without one."""
     if interval is None:
         return "–"
     value, low, high = (factor * number for number in (interval.value, interval.low, interval.high))
@@ -192,7 +195,7 @@ def shown(interval: Interval | None, factor: float = 1.0, digits: int = 2, sign:
 
 
 def returns_after(curve: Sequence[Mapping[str, float]]) -> dict[str, float | None]:
-    """Return the best return on validation specimens within each number of :data:`CUT_MARKS`, from a learning curve.
+    """Return the best validation return within each number of :data:`CUT_MARKS`.
 
     It is None where nothing had been validated by then, and for a curve that does not count cuts.
     """
@@ -208,14 +211,14 @@ ENTRY_KINDS = (OF_SCRIPT, SCRATCH, DEMONSTRATED, CORRECTION)
 
 
 def training_kind(training: Mapping[str, Any]) -> str:
-    """Return the kind of a trained policy, from the options of its training."""
+    """Return the kind of a trained policy from training options."""
     if training.get("base", "none") != "none":
         return CORRECTION
     return DEMONSTRATED if training["demonstrations"] or training.get("dataset") else SCRATCH
 
 
 def recorded_kind(name: str, policy: Any) -> str | None:
-    """Return the kind of a policy of this name by what is recorded of it; None if nothing is."""
+    """Return a named policy's kind from its records, or None."""
     if name in BASELINES:
         return OF_SCRIPT
     if not isinstance(policy, TrainedPolicy):
@@ -227,7 +230,7 @@ def recorded_kind(name: str, policy: Any) -> str | None:
 
 
 def entry_files(name: str) -> dict[str, bytes]:
-    """Return the contents of the files that a policy consists of, by their names.
+    """Return the contents of a policy's files by name.
 
     They are all files of its folder; of a class, MODULE:CLASS, its module and those that it names in ``files``,
     relative to the present folder.  A script has none: it is this package's.
@@ -251,7 +254,7 @@ def entry_files(name: str) -> dict[str, bytes]:
 
 
 def entry_digest(policies: Sequence[Mapping[str, bytes]]) -> str:
-    """Return the SHA-256 of an entry, in hexadecimal digits: of the names and contents of all files of its policies.
+    """Return an entry's SHA-256 (hexadecimal) of all policies' files.
 
     The order of the policies and the names of their folders do not matter.
     """
@@ -267,7 +270,7 @@ def _sha256(*parts: bytes) -> bytes:
 
 
 def entry_seeds(digest: str, protocol: Protocol, salt: str = "") -> list[int]:
-    """Return the seeds of the specimens that an entry cuts, by the digest of its files.
+    """Return the seeds of an entry's specimens, by its digest.
 
     Parameters
     ----------
@@ -319,7 +322,7 @@ class SubmittedRun:
 
 @dataclass(frozen=True)
 class Submission:
-    """An entry: policy, author, link to its code, date, kind, and its runs on the specimens drawn from its digest."""
+    """Entry: policy, author, code link, date, kind, and its runs."""
 
     policy: str
     author: str
@@ -338,7 +341,7 @@ class Submission:
 
 
 def _begin(policy: ArrayPolicy, count: int) -> None:
-    """Begin cuts with random numbers that do not tell the specimens' seeds, as those of an evaluation would."""
+    """Begin cuts with random numbers that hide the specimens' seeds."""
     policy.begin([np.random.default_rng(place) for place in range(count)])
 
 
@@ -412,7 +415,7 @@ def submitted_run(
     seeds: Sequence[int],
     finished: Finished = lambda count: None,
 ) -> SubmittedRun:
-    """Let a policy cut the specimens of an entry, and keep its actions.
+    """Let a policy cut an entry's specimens, and keep its actions.
 
     Raises
     ------
@@ -563,7 +566,7 @@ def read_submission(path: Path, protocols: Sequence[Protocol] = (Protocol(), QUI
 
 
 def check_text(name: str, text: Any, *, empty: bool = False) -> None:
-    """Raise ValueError unless a text can stand in a cell of the leaderboard."""
+    """Raise ValueError unless a text fits a cell of the leaderboard."""
     if not isinstance(text, str) or not (empty or text.strip()):
         raise ValueError(f"{name} is {text!r}; give a text")
     if len(text) > _LONGEST or not text.isprintable() or set("|<>") & set(text):
@@ -603,7 +606,7 @@ def _check_arguments(arguments: Mapping[str, Any]) -> None:
 
 
 def _packed(actions: np.ndarray) -> str:
-    """Pack actions as text; equal bytes of all numbers stand together, which compresses better."""
+    """Pack actions as text, equal bytes together, which compresses better."""
     content = np.ascontiguousarray(actions, "<f4").view(np.uint8).reshape(-1, 4).T.tobytes()
     return base64.b64encode(zlib.compress(content, 9)).decode("ascii")
 

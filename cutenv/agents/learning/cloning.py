@@ -28,7 +28,7 @@ Batch = tuple[torch.Tensor, torch.Tensor, torch.Tensor]
 
 
 class Transitions(NamedTuple):
-    """Single decisions with what came of them, for learners that estimate values."""
+    """Decisions with their outcomes, for learners that estimate values."""
 
     observations: np.ndarray
     """Features, shape (decisions, size)."""
@@ -57,7 +57,7 @@ class Demonstrations(NamedTuple):
     """Rewards, shape (decisions, n)."""
 
     def transitions(self) -> Transitions:
-        """Return every decision but the last of each environment, whose successor is not known."""
+        """Return all decisions except each environment's last, whose successor is unknown."""
         size = self.observations.shape[-1]
         return Transitions(
             self.observations[:-1].reshape(-1, size),
@@ -74,7 +74,7 @@ class Demonstrations(NamedTuple):
         )
 
     def by_cut(self) -> CutDataset:
-        """Return whole cuts, the unfinished ones too, for a network with memory."""
+        """Return whole cuts, including unfinished ones, for recurrent networks."""
         result = CutDataset([], [])
         for n in range(self.starts.shape[1]):
             starts = np.flatnonzero(self.starts[:, n])
@@ -102,13 +102,16 @@ class DecisionDataset:
 
 
 class CutDataset(NamedTuple):
-    """Data set of whole cuts, shapes (decisions, size) and (decisions, k), padded to the longest of a batch."""
+    """Data set of whole cuts, padded to the longest per batch.
+
+    Their shapes are (decisions, size) and (decisions, k).
+    """
 
     observations: list[torch.Tensor]
     actions: list[torch.Tensor]
 
     def _groups(self, batch_size: int) -> list[list[int]]:
-        """Group cuts of similar length, about ``batch_size`` decisions each, so that little is padded."""
+        """Group cuts of similar length, about ``batch_size`` decisions each, to limit padding."""
         groups: list[list[int]] = [[]]
         for cut in sorted(range(len(self.observations)), key=lambda n: len(self.observations[n])):
             if groups[-1] and (len(groups[-1]) + 1) * len(self.observations[cut]) > batch_size:
@@ -121,7 +124,7 @@ class CutDataset(NamedTuple):
         return len(self._groups(batch_size))
 
     def batches(self, batch_size: int, generator: torch.Generator) -> Iterator[Batch]:
-        """Yield every cut once, the batches in random order; axes (decision, cut, ...)."""
+        """Yield every cut once, in random batches, axes (decision, cut, ...)."""
         groups = self._groups(batch_size)
         for k in torch.randperm(len(groups), generator=generator).tolist():
             weights = [torch.ones(len(self.observations[n])) for n in groups[k]]
@@ -177,7 +180,7 @@ def demonstrations(
 def script_demonstrations(
     environments: FeatureVecEnv | EnvironmentGroups, arguments: LearnerArguments
 ) -> Demonstrations:
-    """Let the script of the options cut in all environments, as often and with as much noise as they say."""
+    """Let the options' script cut in all environments, with their noise."""
     return demonstrations(
         environments,
         arguments.learned_task.scripts[arguments.script],
@@ -188,7 +191,7 @@ def script_demonstrations(
 
 
 class Cloning:
-    """Least-squares fit of a network to a data set, epoch by epoch.
+    """Least-squares fit of a network to a data set, by epochs.
 
     The order of an epoch depends only on the seed and the number of the epoch, so that a resumed cloning gives the same
     network as one that was not interrupted.
@@ -243,7 +246,7 @@ class Cloning:
         return self.error()
 
     def error(self) -> float:
-        """Return the root mean square difference between the network's actions and those of the data set."""
+        """Return the root mean square error of the network's actions."""
         total = counted = 0.0
         with torch.no_grad():
             for batch in self._dataset.batches(self._batch_size, torch.Generator().manual_seed(0)):

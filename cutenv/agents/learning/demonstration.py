@@ -75,12 +75,12 @@ _NONE = AddedInfos(felt={}, shown=(), hidden={})
 
 
 def infos_of(environment: str) -> AddedInfos:
-    """Return what the data sets of an environment with this id add; nothing for one of gentle cutting."""
+    """Return the infos that an environment's data sets add, if any."""
     return task_made_as(environment).infos or _NONE
 
 
 def added_infos(environment: str, observation: np.ndarray, info: Mapping[str, Any]) -> dict[str, float]:
-    """Return the added infos of one decision; nothing for an environment that adds none."""
+    """Return the added infos of one decision, if any."""
     added, components = infos_of(environment), task_made_as(environment).task.all_components
     if added is _NONE:
         return {}
@@ -148,7 +148,7 @@ class Demonstration:
 
 
 class _Steps:
-    """Decisions of a cut so far, with the observation and the infos before the first."""
+    """Decisions of a cut so far, with initial observation and infos."""
 
     def __init__(self, observation: np.ndarray, info: dict[str, float]) -> None:
         self._observations, self._infos = [observation], [info]
@@ -163,7 +163,7 @@ class _Steps:
         self._infos.append(info)
 
     def mark_led(self, times: list[tuple[float, float]], seconds: float) -> None:
-        """Note the decisions, each of so many ``seconds``, in which a person led at these times."""
+        """Mark decisions, each of ``seconds``, in which a person led."""
         for k, info in enumerate(self._infos):
             begins, ends = (k - 1) * seconds, k * seconds
             info["is_intervention"] = float(k > 0 and any(since < ends and until > begins for since, until in times))
@@ -183,7 +183,10 @@ class _Steps:
 
 
 def simulated(env: gymnasium.Env[Any, Any], policy: Policy, seed: int) -> Demonstration:
-    """Let a policy cut the specimen of ``seed``; under shared control, the actions are those carried out."""
+    """Let a policy cut the specimen of ``seed``.
+
+    Under shared control the actions are those carried out.
+    """
     observation, info = env.reset(seed=seed)
     policy.reset(np.random.default_rng(seed))
     cutting = env.unwrapped.cutting  # type: ignore[attr-defined]
@@ -212,7 +215,7 @@ def _intervened(info: dict[str, Any]) -> dict[str, float]:
 def recorded(
     trace: Trace, *, control_hz: int, target_length: float | None = None, deadline: float = 30.0
 ) -> Demonstration:
-    """Make a demonstration of a recorded cut of a person or a rig; of one shared with an agent, it says who led.
+    """Make a demonstration of a record, noting who led if shared.
 
     Parameters
     ----------
@@ -275,7 +278,7 @@ def _task(plant: ReplayPlant, target_length: float | None, deadline: float, tick
 
 
 def _times_led(told: Any) -> list[tuple[float, float]]:
-    """Return the times in which a person led [s], as a record's metadata tell them."""
+    """Return the times in which a person led [s] from metadata."""
     try:
         return [(float(since), float(until)) for since, until in told]
     except (TypeError, ValueError):
@@ -285,7 +288,7 @@ def _times_led(told: Any) -> list[tuple[float, float]]:
 
 
 def felt_at_rest(cutting: Episode, angle: float) -> dict[str, float]:
-    """Return the infos of :data:`FELT` at the start: at rest at the clamp, the force tared."""
+    """Return infos of :data:`FELT` at rest at the clamp, force tared."""
     return dict.fromkeys(FELT, 0.0) | {"angle_deg": math.degrees(angle), "depth_m": float(cutting.plant.depth[0])}
 
 

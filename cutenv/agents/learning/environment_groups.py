@@ -24,7 +24,7 @@ RANDOM_GROUPS = (Rig, SensorParameters, Knowledge)
 
 
 def random_rigs(count: int, seed: int) -> list[dict[str, float]]:
-    """Draw the constants of ``count`` rigs as keyword arguments of the environment; the first has the defaults.
+    """Draw keyword arguments of ``count`` rigs; the first has the defaults.
 
     Each constant is drawn uniformly between the ends of its sensitivity range, those of the parameter table.
     """
@@ -41,7 +41,7 @@ def _swept() -> list[dict[str, Any]]:
 
 
 class EnvironmentGroups(VecEnv):
-    """:class:`~cutenv.agents.sb3.FeatureVecEnv` in several groups, which share the seeds evenly and step together.
+    """Groups of :class:`~cutenv.agents.sb3.FeatureVecEnv` that share seeds and step together.
 
     Parameters
     ----------
@@ -98,11 +98,14 @@ class EnvironmentGroups(VecEnv):
         return np.concatenate([part.reset() for part in self.parts])
 
     def seed(self, seed: int | None = None) -> list[int | None]:
-        """Return the seeds of the environments, which were given one by one and are kept."""
+        """Return the environments' seeds, which were given one by one."""
         return [own for part in self.parts for own in part.seed(seed)]
 
     def set_options(self, options: list[dict[str, Any]] | dict[str, Any] | None = None) -> None:
-        """Set options of the next reset alone, for all environments or for each; see the environments of one rig."""
+        """Set options of the next reset, for all environments or each.
+
+        See the environments of one rig.
+        """
         bounds = itertools.pairwise([0, *self._ends.tolist(), None])
         for part, (first, last) in zip(self.parts, bounds, strict=True):
             part.set_options(options[first:last] if isinstance(options, list) else options)
@@ -113,7 +116,7 @@ class EnvironmentGroups(VecEnv):
             part.step_async(own)
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        """Return observations, rewards, ends and infos; a cut that has ended starts again at once."""
+        """Return observations, rewards, ends and infos; ended cuts restart at once."""
         shown, rewards, ended, infos = zip(*(part.step_wait() for part in self.parts), strict=True)
         every = [info for own in infos for info in own]
         return np.concatenate(shown), np.concatenate(rewards), np.concatenate(ended), every
@@ -131,11 +134,11 @@ class EnvironmentGroups(VecEnv):
         return [every[n] for n in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Raise NotImplementedError: the keyword arguments of an environment are fixed when it is made."""
+        """Raise NotImplementedError: keyword arguments of environments are fixed."""
         self.parts[0].set_attr(attr_name, value)
 
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
-        """Raise NotImplementedError: there are no single environments to call a method of."""
+        """Raise NotImplementedError: there are no single environments with methods."""
         return self.parts[0].env_method(method_name)
 
 
@@ -178,7 +181,7 @@ class EasierEnvironments(EnvironmentGroups):
         self._decision = single.ticks * TICK / single.deadline  # share of a deadline
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        """Return observations, easier rewards, ends and infos; a cut that has ended starts again at once."""
+        """Return observations, easier rewards, ends, infos; ended cuts restart at once."""
         shown, rewards, ended, infos = super().step_wait()
         easier = max(1.0 - self.share / self._until, 0.0)
         if easier:

@@ -89,7 +89,7 @@ class FinishedCut:
     shown_depth: ShownDepth | None = None
 
     def scores(self) -> dict[str, Any]:
-        """Return the scores that follow from the task and from the hidden state."""
+        """Return the scores that follow from task and hidden state."""
         truth, readings = self.truth, self.readings
         beyond = truth["tip_m"] - truth["target_length_m"]
         return {
@@ -113,7 +113,7 @@ class FinishedCut:
         }
 
     def metrics(self) -> dict[str, float | str]:
-        """Return every metric of the score card, keyed by :func:`metric_column`; an undefined one is an empty text."""
+        """Return all score card metrics by :func:`metric_column`; undefined ones empty."""
         readings, trace = self.readings, recorded_trace(self.readings, self.depth)
         cut = self.resistance[: max(int(self.truth["tip_m"] / SPACING), 0) + 1]
         truth = Truth(tip=readings["tip"], jump=readings["jump"], resistance=float(cut.mean()))
@@ -123,7 +123,7 @@ class FinishedCut:
 
 
 def metric_column(name: str) -> str:
-    """Return the column name of a metric of the score card, with its unit: ``metric_peak_force_N``."""
+    """Return a metric's column name with unit: ``metric_peak_force_N``."""
     unit = METRICS[name].unit.replace("F", "N")
     suffix = "" if unit == "1" else "_" + unit.replace("/", "_per_").replace(" ", "_")
     return METRIC_PREFIX + name + suffix
@@ -142,7 +142,7 @@ def batched_rollout(
     readings: bool = False,
     finished: Callable[[int], Any] = lambda count: None,
 ) -> list[FinishedCut]:
-    """Let a policy cut the specimens of some seeds, the first episode of each.
+    """Let a policy cut the first episode of each seed.
 
     Parameters
     ----------
@@ -235,7 +235,7 @@ class Contestant:
 
 
 def _end_with_parent() -> None:
-    """End this worker when its parent is killed; otherwise it would wait for work for ever."""
+    """End this worker when its parent is killed."""
 
     def watch() -> None:
         parent = multiprocessing.parent_process()
@@ -247,7 +247,7 @@ def _end_with_parent() -> None:
 
 
 def _begin_worker() -> None:
-    """Use one core, as there are as many processes as cores, and leave Ctrl-C to the parent, which ends its workers."""
+    """Use one core, and leave Ctrl-C to the parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     set_cores(1)
     _end_with_parent()
@@ -255,7 +255,7 @@ def _begin_worker() -> None:
 
 @contextlib.contextmanager
 def workers(processes: int | None = None) -> Iterator[Executor]:
-    """Start processes to evaluate in, by default one per core; an error cancels the remaining work."""
+    """Start evaluating processes, one per core; errors cancel remaining work."""
     # Fresh processes: a fork of one that runs threads (torch, Numba) may hang.
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(processes or os.cpu_count(), context, initializer=_begin_worker) as pool:
@@ -271,7 +271,7 @@ def workers(processes: int | None = None) -> Iterator[Executor]:
 
 @contextlib.contextmanager
 def _without_ctrl_c() -> Iterator[None]:
-    """Hold Ctrl-C back from this thread, and from the processes that it starts until they ignore it themselves."""
+    """Block Ctrl-C in this thread and the processes it starts."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows, where workers react to it until they have started
         yield
         return
@@ -303,7 +303,7 @@ def evaluate(
     metrics: bool = False,
     pool: Executor | None = None,
 ) -> list[dict[str, Any]]:
-    """Return the scores of every contestant on every seed, one row for each cut, in order.
+    """Return every contestant's scores per seed, one row per cut.
 
     Parameters
     ----------
@@ -347,7 +347,7 @@ def evaluate(
 
 
 def contestant(name: str) -> Contestant:
-    """Return the baseline, script of another task or shipped policy of that name, or that of a folder or class.
+    """Return the contestant of a name: baseline, script, policy, folder or class.
 
     Its arguments have "task" if it is not for gentle cutting. A folder is that of a policy or of a training run; a
     class is ``MODULE:CLASS``.

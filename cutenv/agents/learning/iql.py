@@ -108,7 +108,7 @@ class ImplicitQLearning:
         following: torch.Tensor,
         ends: torch.Tensor,
     ) -> torch.Tensor:
-        """Return the sum of the three losses, whose gradients concern different networks."""
+        """Return the sum of the losses, each of another network."""
         a, agent = self._arguments, self._agent
         both = torch.cat((seen, actions), dim=1)
         with torch.no_grad():
@@ -124,13 +124,16 @@ class ImplicitQLearning:
         return loss
 
     def error(self) -> float:
-        """Return the root mean square difference between the actor's actions and those of the data."""
+        """Return the root mean square error of the actor's actions."""
         with torch.no_grad():
             return float(((self._agent.actor(self._data[0]) - self._data[1]) ** 2).mean().sqrt())
 
 
 def transitions(dataset: MinariDataset, features: Mapping[str, Any]) -> Transitions:
-    """Return every decision of a data set with what came of it; ``features`` are the keyword arguments of Features."""
+    """Return all decisions of a data set with their outcomes.
+
+    ``features`` are the keyword arguments of Features.
+    """
     observations, actions = cloning_data(dataset, **features)
     rewards = [cut.rewards for cut in dataset.iterate_episodes()]
     ends = np.zeros(len(observations), bool)
@@ -140,7 +143,7 @@ def transitions(dataset: MinariDataset, features: Mapping[str, Any]) -> Transiti
 
 
 def transition_data(arguments: IQLArguments) -> tuple[Transitions, dict[str, Any]]:
-    """Return the decisions to learn from, and the facts about them for the policy's card.
+    """Return the decisions to learn from, and facts for the card.
 
     Raises
     ------
@@ -179,5 +182,8 @@ def train(request: RunRequest[IQLArguments], facts: dict[str, Any]) -> None:
 
 
 def run_learner(request: RunRequest[IQLArguments], resume_command: str) -> None:
-    """Fit, evaluate and report into the folder of the run; see :func:`cutenv.agents.learning.on_policy.run_learner`."""
+    """Fit, evaluate and report into the run's folder.
+
+    See :func:`cutenv.agents.learning.on_policy.run_learner`.
+    """
     bc.run_learner(request, resume_command, "IQL", train)

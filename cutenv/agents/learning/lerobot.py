@@ -1,4 +1,4 @@
-"""LeRobot data sets of cuts, format v3.0, and environments for its hub.
+"""LeRobot data sets (format v3.0) of cuts, and hub environments.
 
 The data sets are Parquet, with the force in newtons, of cuts by a script, a trained agent or a person. ``make_env``
 for an ``env.py`` of the hub, makes environments with their observations.
@@ -68,7 +68,7 @@ Columns = dict[str, NDArray[Any]]
 
 
 def lerobot_folder(dataset_id: str) -> Path:
-    """Return the folder for a new data set, where LeRobot looks for it: ``HF_LEROBOT_HOME``, or its usual place.
+    """Return a new data set's folder below ``HF_LEROBOT_HOME`` or its default.
 
     Raises
     ------
@@ -181,7 +181,10 @@ def _episodes(demonstrations: Sequence[Demonstration], rate: float, measured: Se
 
 
 def _forces(infos: Mapping[str, NDArray[np.float64]], measured: Sequence[str]) -> NDArray[np.float32]:
-    """Return the measured components of force [N], shape (n, k), or (n,) for one, as LeRobot has it."""
+    """Return measured force components [N] as LeRobot stores them.
+
+    They are of shape (n, k), or (n,) for one.
+    """
     columns = [infos[name].astype(np.float32) for name in _FORCES if name in measured]
     return columns[0] if len(columns) == 1 else np.column_stack(columns)
 
@@ -252,7 +255,7 @@ def _episode_row(episode: Columns, cut: Demonstration, chunk: int, file: int) ->
 
 
 def _statistics(values: NDArray[Any]) -> dict[str, list[Any]]:
-    """Return least, greatest, mean, standard deviation, number and quantiles of each number of a column."""
+    """Return minimum, maximum, mean, SD, count and quantiles per number."""
     rows = values.reshape(len(values), -1)
     real = rows.astype(np.float64)
     found = {"min": rows.min(axis=0), "max": rows.max(axis=0), "mean": real.mean(axis=0), "std": real.std(axis=0)}
@@ -262,7 +265,7 @@ def _statistics(values: NDArray[Any]) -> dict[str, list[Any]]:
 
 
 def _tasks() -> Any:
-    """Return the table of tasks, which pandas reads with the text as its index."""
+    """Return the task table, indexed by text as pandas reads it."""
     arrow = optional_import("pyarrow", "pyarrow", "A LeRobot data set")
     index = "__index_level_0__"
     kinds = {"task_index": ("int64", "int64"), index: ("unicode", "object")}
@@ -326,7 +329,7 @@ Not a medical device, and not validated for the assessment of people.
 
 
 def _env_file(environment: Mapping[str, Any]) -> str:
-    """Return the text of an ``env.py`` for the keyword arguments of an environment."""
+    """Return the text of ``env.py`` for an environment's arguments."""
     return f'''"""Environment for LeRobot's hub; it needs: pip install "cutenv>={cutenv.__version__}"."""
 
 from cutenv.agents.learning import lerobot

@@ -217,7 +217,7 @@ def opened(dataset_id: str) -> MinariDataset:
 
 
 def environment_of(dataset: MinariDataset) -> dict[str, Any]:
-    """Return decision rate, angle mode and fixed angle, as keyword arguments of a data set's environment.
+    """Return a data set's environment arguments: decision rate and angle.
 
     Raises
     ------
@@ -237,7 +237,7 @@ def environment_of(dataset: MinariDataset) -> dict[str, Any]:
 
 
 def cloning_data(dataset: MinariDataset, *, history: int, force: bool = True) -> tuple[np.ndarray, np.ndarray]:
-    """Return the features, shape (n, size), and actions, shape (n, 2), to fit a clone to.
+    """Return features, (n, size), and actions, (n, 2), for cloning.
 
     Parameters
     ----------

@@ -126,14 +126,14 @@ class OffPolicyLearner:
         return self.algorithm(self.policy, environments, **off_policy_keywords(arguments))
 
     def pretrain(self, model: Any, arguments: OffPolicyArguments) -> None:
-        """Clone the demonstrated script into a model's actor, and remember what was demonstrated."""
+        """Clone the demonstrated script into the actor, keeping the demonstrations."""
         shown = script_demonstrations(model.get_env(), arguments)
         remember(model, shown)
         error = imitate(model.policy, shown, arguments)
         print(f"the clone's actions differ from those of {arguments.script!r} by {error:.3f} (root mean square)")
 
     def restore(self, model: Any, arguments: OffPolicyArguments) -> None:
-        """Show the demonstrations again; the agent's own decisions are not kept in a checkpoint."""
+        """Show the demonstrations again; checkpoints keep no own decisions."""
         if arguments.demonstrations:
             remember(model, script_demonstrations(model.get_env(), arguments))
         print("the replay buffer begins again, with the demonstrations")

@@ -37,7 +37,7 @@ class FallingRate:
         self.rate, self.share = rate, 0.0
 
     def __call__(self, remaining: float) -> float:
-        """Return the rate; ``remaining``, SB3's share of decisions, is ignored, as it knows nothing of minutes."""
+        """Return the rate, ignoring SB3's ``remaining`` share of decisions."""
         return self.rate * (1.0 - 0.95 * self.share)
 
 
@@ -54,7 +54,7 @@ class TrialLearner(Protocol):
 
     @property
     def network(self) -> Callable[[Mapping[str, np.ndarray], str], Network | RecurrentNetwork]:
-        """Function that makes the actor in NumPy from the policy's parameters and their activation."""
+        """Function that makes the NumPy actor from parameters and activation."""
 
     @property
     def activation(self) -> str:
@@ -67,7 +67,7 @@ class TrialLearner(Protocol):
         """Teach a model what demonstrations show."""
 
     def restore(self, model: Any, arguments: Any) -> None:
-        """Give a model loaded from its checkpoint what the checkpoint does not contain."""
+        """Restore to a loaded model all that its checkpoint lacks."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ class OnPolicyLearner:
 
 
 def sb3_keywords(arguments: PPOArguments) -> dict[str, Any]:
-    """Return the keyword arguments of PPO and of recurrent PPO of Stable-Baselines3."""
+    """Return Stable-Baselines3's keyword arguments of PPO and recurrent PPO."""
     return {
         "learning_rate": FallingRate(arguments.learning_rate),
         "n_steps": arguments.rollout,
@@ -117,7 +117,7 @@ def sb3_keywords(arguments: PPOArguments) -> dict[str, Any]:
 
 
 def train(learner: TrialLearner, arguments: TrialArguments, run: Path, resume: bool) -> tuple[bool, float]:
-    """Train; return whether training is complete, and the share of its time that the environments took."""
+    """Train; return whether it is complete, and the environments' share of time."""
     begun = time.monotonic()
     torch.set_num_threads(1)  # two thread pools on two cores compete
     checkpoint = run / "checkpoint.zip"
@@ -161,7 +161,7 @@ def train(learner: TrialLearner, arguments: TrialArguments, run: Path, resume: b
 
 
 def unseen_episode(model: Any) -> int:
-    """Return the number of an episode that no environment can have reached in training: each lasts a decision or more.
+    """Return an episode number that training cannot have reached.
 
     Otherwise a resumed run would cut the same specimens again, from the first on.
     """
@@ -169,7 +169,10 @@ def unseen_episode(model: Any) -> int:
 
 
 def exported(learner: TrialLearner, arguments: TrialArguments, run: Path, name: str, facts: Mapping[str, Any]) -> None:
-    """Export the actor of ``name``.zip, for use without torch: ``name``/policy.safetensors and card.json."""
+    """Export ``name``.zip's actor for use without torch.
+
+    It becomes ``name``/policy.safetensors and card.json.
+    """
     model = learner.algorithm.load(run / f"{name}.zip", device="cpu")
     arrays = {key: value.detach().cpu().numpy() for key, value in model.policy.state_dict().items()}
     network = learner.network(arrays, learner.activation)
@@ -177,7 +180,7 @@ def exported(learner: TrialLearner, arguments: TrialArguments, run: Path, name: 
 
 
 def time_to_threshold(arguments: LearnerArguments, curve: Sequence[Mapping[str, float]]) -> float | None:
-    """Return the time [s] until the agent did as well as the demonstrated script on validation specimens, or None."""
+    """Return the time [s] until the agent equalled the script in validation, or None."""
     shared = {**drawn_as(vars(arguments)), **arguments.angle, **arguments.simulated}
     several, seeds = {arguments.script: contestant(arguments.script)}, arguments.validation_seeds
     rows = evaluate(several, seeds, shared, description="script on validation specimens")

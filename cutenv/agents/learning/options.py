@@ -23,7 +23,7 @@ def option(
     metavar: str | None = None,
     resumable: bool = False,
 ) -> Any:
-    """Declare a dataclass field that is an option of the command line; a subclass may give it a plain other default.
+    """Declare a dataclass field as a command-line option.
 
     Parameters
     ----------
@@ -43,19 +43,22 @@ def option(
 
 
 def flag_of(name: str) -> str:
-    """Return a field's name as it is written on the command line."""
+    """Return a field's name as written on the command line."""
     return "--" + name.replace("_", "-")
 
 
 def declared(kind: type[Any], name: str) -> Mapping[str, Any]:
-    """Return what :func:`option` declared of a field, in this dataclass or in the one whose default it changes."""
+    """Return a field's :func:`option` declaration, inherited if need be."""
     fields = (vars(each).get("__dataclass_fields__", {}) for each in kind.__mro__)
     found: Mapping[str, Any] = next(own[name].metadata for own in fields if name in own and own[name].metadata)
     return found
 
 
 def check_ranges(options: Any, refused: Callable[[str], BaseException]) -> None:
-    """Raise what ``refused`` makes of a message if a number is out of its range (call it in ``__post_init__``)."""
+    """Raise ``refused(message)`` if a number is out of range.
+
+    Call it in ``__post_init__``.
+    """
     for field in dataclasses.fields(options):
         value, allowed = getattr(options, field.name), declared(type(options), field.name)["allowed"]
         if allowed is not None and not isinstance(value, str) and not allowed[0] <= value <= allowed[1]:  # or is NaN
@@ -63,7 +66,7 @@ def check_ranges(options: Any, refused: Callable[[str], BaseException]) -> None:
 
 
 def add_options(parser: argparse.ArgumentParser, kind: type[Any]) -> None:
-    """Add the fields of a dataclass to a parser; an option that is not given is absent from the result."""
+    """Add a dataclass's fields to a parser, without defaults."""
     for field in dataclasses.fields(kind):
         about = declared(kind, field.name)
         flag, meaning, metavar = flag_of(field.name), about["help"], about["metavar"]
@@ -82,12 +85,12 @@ def add_options(parser: argparse.ArgumentParser, kind: type[Any]) -> None:
 
 
 def from_options(kind: type[T], given: argparse.Namespace) -> T:
-    """Make a dataclass from the result of a parser that has its fields, and no other option."""
+    """Make a dataclass from a parser's result of its options."""
     return kind(**{name: tuple(value) if isinstance(value, list) else value for name, value in vars(given).items()})
 
 
 def parse(kind: type[T], about: str | None, argv: Sequence[str] | None = None) -> T:
-    """Read a dataclass of options from a command line, by default that of the process.
+    """Read a dataclass of options from a command line.
 
     Raises
     ------
@@ -102,12 +105,12 @@ def parse(kind: type[T], about: str | None, argv: Sequence[str] | None = None) -
 
 
 def drawn_as(arguments: Mapping[str, Any]) -> dict[str, str]:
-    """Return the keyword arguments of an environment that say of which tissue and class its specimens are drawn."""
+    """Return the environment arguments that determine specimens' tissue and class."""
     tissue = {"tissue": arguments["tissue"]} if arguments.get("tissue") else {}
     return {"specimen_class": arguments["specimen_class"], **tissue}
 
 
 def class_in_words(arguments: Mapping[str, Any]) -> str:
-    """Return which specimens are drawn, such as "class mixed", or "class liver of my_tissue.json"."""
+    """Describe the drawn specimens: "class mixed", "class liver of my_tissue.json"."""
     of = f" of {arguments['tissue']}" if arguments.get("tissue") else ""
     return f"class {arguments['specimen_class']}{of}"

@@ -28,7 +28,7 @@ from cutenv.agents.learning.statistics import write_csv
 
 
 def validate(model: Any, arguments: LearnerArguments) -> tuple[float, float]:
-    """Return mean return and success of the most likely actions on the validation specimens."""
+    """Return the most likely actions' mean return and success on validation specimens."""
     seeds = arguments.validation_seeds
     environments = arguments.environments_at(seeds)
     observations = environments.reset()
@@ -47,7 +47,7 @@ def validate(model: Any, arguments: LearnerArguments) -> tuple[float, float]:
 
 @dataclass(frozen=True, kw_only=True)
 class CheckpointExtras:
-    """State of an interrupted training that is not part of its model; the checkpoint keeps it beside the model.
+    """Checkpoint's state of an interrupted training outside its model.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class CheckpointExtras:
 
     @classmethod
     def of(cls, model: Any) -> CheckpointExtras | None:
-        """Return the extras that a model was saved with, or None if there are none."""
+        """Return the extras that a model was saved with, or None."""
         kept = getattr(model, "checkpoint_extras", None)
         return None if kept is None else cls(**kept)
 
@@ -117,14 +117,14 @@ class Progress(BaseCallback):
 
     @property
     def share(self) -> float:
-        """Share of the training that is done: of its decisions or of its minutes, whichever is more."""
+        """Share of training done, by decisions or minutes, whichever is more."""
         a, of_time = self._arguments, 0.0
         if a.minutes:
             of_time = (self.seconds - self._pretraining) / max(60.0 * a.minutes - self._pretraining, 1.0)
         return min(max(self.num_timesteps / a.timesteps, of_time), 1.0)
 
     def average(self) -> None:
-        """Update the running average of the actor's parameters, which cuts better and more evenly."""
+        """Update the running average of actor parameters, which cuts better."""
         present = [parameter.detach() for parameter in self._actor_parameters()]
         if not self.averages:
             self.averages = [parameter.clone() for parameter in present]
@@ -223,7 +223,7 @@ class Progress(BaseCallback):
         self._saved = time.monotonic()
 
     def validate(self) -> None:
-        """Let the agent cut the validation specimens, and keep it if it is the best so far."""
+        """Validate the agent, and keep it if best so far."""
         best = max((point.get("validation_return", -np.inf) for point in self.curve), default=-np.inf)
         with self.averaged():
             mean_return, success = validate(self.model, self._arguments)

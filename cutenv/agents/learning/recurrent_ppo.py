@@ -18,7 +18,7 @@ from cutenv.agents.policy import RecurrentNetwork
 
 
 def imitate(policy: RecurrentAsymmetricActorCritic, shown: Demonstrations, arguments: RecurrentPPOArguments) -> float:
-    """Clone the demonstrated script into the actor, cut by cut; return the remaining error."""
+    """Clone the script into the actor by cut; return remaining error."""
     cloning = Cloning(
         policy.actions_along,
         policy.actor_parameters(),

@@ -1,4 +1,4 @@
-"""The native vector environment for the environment runners of Ray RLlib, with features."""
+"""Vector environment with features for Ray RLlib's environment runners."""
 
 from __future__ import annotations
 
@@ -59,21 +59,21 @@ class RunnerEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     @classmethod
     def of_runner(cls, context: Any) -> RunnerEnv:
-        """Make the environment of a runner from its ``EnvContext``, on the one core that the runner has."""
+        """Make a runner's environment from its ``EnvContext``, on one core."""
         set_cores(1)  # a process for each runner
         return cls(**{"num_envs": 1} | dict(context))
 
     @property
     def seeds(self) -> list[int]:
-        """Seeds from which the environments sample their specimens, one each, since the first ``reset``."""
+        """Seeds of the environments, one each, since the first ``reset``."""
         return [int(seed) for seed in self._native.batch.seeds]
 
     def share_seeds(self, runner: int) -> None:
-        """Use the seeds of a runner, counted from 0; its environments follow those of the runners before it."""
+        """Use runner number ``runner``'s share of the seeds, from 0."""
         self._first_seed += runner * self.num_envs
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict[str, Any]]:
-        """Reset every cut: at first to each seed's ``first_episode``, then to its next."""
+        """Reset every cut to its seed's ``first_episode``, later the next."""
         seeds, first = None, {}
         if self._fresh:
             seeds = [self._first_seed + n for n in range(self.num_envs)]
@@ -86,13 +86,13 @@ class RunnerEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return seen, {}
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        """Step every environment with its action, shape (num_envs, 2), clipped to the range."""
+        """Step every environment by clipped actions, shape (num_envs, 2)."""
         observations, rewards, ended, truncated, info = self._native.step(actions)
         seen = self._seen(observations)
         self._begins = ended
         return seen, rewards, ended, truncated, {name: info[name] for name in _INFO if name in info}
 
     def _seen(self, observations: np.ndarray) -> np.ndarray:
-        """Return the features; those of a cut that begins hold nothing of the cut before."""
+        """Return the features, without memory for cuts that begin."""
         self._features.forget(np.flatnonzero(self._begins))
         return self._features(observations)

@@ -28,7 +28,7 @@ PACKAGES = ("cutenv", "gymnasium", "numpy", "numba", "scikit-fem", "stable-basel
 
 
 def record_run(arguments: LearnerArguments, run: Path, agent: str) -> dict[str, Any]:
-    """Make the run's folder and write run.json with everything that the run depends on; return its content.
+    """Write run.json with all that the run depends on; return its content.
 
     A run that is resumed keeps the versions and the commit of its start.
     """
@@ -83,7 +83,7 @@ def versions(packages: Sequence[str]) -> dict[str, str]:
 
 
 def origin(run: Path, packages: Sequence[str]) -> dict[str, Any]:
-    """Return versions and commit for ``run.json``: those at its start, where the run is resumed.
+    """Return versions and commit for ``run.json``, those of the start if resumed.
 
     Commits that differ from the first are listed as ``resumed_at_commits``, each formatted by :func:`marked`.
     """
@@ -104,7 +104,7 @@ def origin(run: Path, packages: Sequence[str]) -> dict[str, Any]:
 
 
 def marked(facts: Mapping[str, Any]) -> str:
-    """Return the commit of a run, with a mark if there were uncommitted changes."""
+    """Return a run's commit, marked if changes were uncommitted."""
     return f"{facts['commit']}{'+changes' if facts.get('uncommitted_changes') else ''}"
 
 
@@ -119,12 +119,12 @@ NAMES = ("checkpoint.zip", "checkpoint.safetensors")
 
 
 def checkpoint_of(run: Path) -> Path | None:
-    """Return the checkpoint of a run, or None; the unfinished file that a killed program leaves is no checkpoint."""
+    """Return a run's finished checkpoint, or None."""
     return next((run / name for name in NAMES if (run / name).is_file()), None)
 
 
 def end_interrupted(run: Path, resume_command: str) -> NoReturn:
-    """Print how to resume an interrupted run, or that it has no checkpoint, and exit with the status of Ctrl-C."""
+    """Print how to resume an interrupted run, and exit with Ctrl-C's status."""
     checkpoint = checkpoint_of(run)
     if checkpoint is not None:
         print(f"\ninterrupted; {checkpoint} is usable.\nResume with: {resume_command}")
@@ -149,7 +149,7 @@ class RunRequest(Generic[Chosen]):
 
 
 def add_run_options(parser: argparse.ArgumentParser, kind: type[LearnerArguments]) -> None:
-    """Add the options of a run: those of its learner, ``--quick``, ``--from-nothing`` and ``--resume``."""
+    """Add a run's options: its learner's, ``--quick``, ``--from-nothing`` and ``--resume``."""
     add_options(parser, kind)
     replaced = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in kind.quick.items())
     parser.add_argument("--quick", action="store_true", help=f"train for some two minutes: {replaced}")
@@ -161,7 +161,7 @@ def add_run_options(parser: argparse.ArgumentParser, kind: type[LearnerArguments
 
 
 def run_request(kind: type[Chosen], given: argparse.Namespace, prefix: str) -> RunRequest[Chosen]:
-    """Check the options of a run, and return the run that they request.
+    """Check the options of a run, and return the requested run.
 
     Parameters
     ----------
@@ -195,7 +195,7 @@ def run_request(kind: type[Chosen], given: argparse.Namespace, prefix: str) -> R
 
 
 def resumed(kind: type[Chosen], run: Path, chosen: Mapping[str, Any]) -> Chosen:
-    """Return the options of an interrupted run, updated with those chosen now.
+    """Return an interrupted run's options, updated with those chosen now.
 
     Raises
     ------
@@ -220,7 +220,7 @@ def resumed(kind: type[Chosen], run: Path, chosen: Mapping[str, Any]) -> Chosen:
 
 
 def run_program(train: Callable[[Chosen, Path], None], kind: type[Chosen], prefix: str, about: str | None) -> None:
-    """Run one of the programs in ``agents/``: read its options, train into a new folder, print where the policy is."""
+    """Run a program of ``agents/`` from options to trained policy."""
     arguments = parse(kind, about)
     arguments = dataclasses.replace(arguments, **for_rig({"rig": arguments.rig, "control_hz": arguments.control_hz}))
     run = Path("runs") / (arguments.name or time.strftime(f"{prefix}-%Y%m%d-%H%M%S"))

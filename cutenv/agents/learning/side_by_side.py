@@ -70,7 +70,7 @@ class Training:
 
 
 def train_side_by_side(commands: Mapping[str, Sequence[str]]) -> int:
-    """Run trainings side by side; print what each printed when it ends.
+    """Run trainings side by side, printing each one's output at its end.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def _stop(signum: int, frame: FrameType | None) -> None:
 
 
 def _watch(running: list[Training], began: float) -> list[int]:
-    """Show progress until all have ended, and what each printed as it ends; return their exit statuses."""
+    """Show progress and finished outputs; return all exit statuses."""
     here, shown, statuses = sys.stdout.isatty(), -_QUIET, []
     while running:
         for one in [one for one in running if one.process.poll() is not None]:

@@ -33,7 +33,7 @@ SHOWN = ("return", "success", "tip_error_mm", "peak_force_N", "largest_jump_mm",
 
 
 def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write rows to a CSV file, atomically; missing values become empty cells."""
+    """Write rows to CSV, atomically; missing values become empty cells."""
     names = list(dict.fromkeys(name for row in rows for name in row))
     with atomic_write(path) as part, part.open("w", newline="") as file:
         writer = csv.DictWriter(file, fieldnames=names, restval="")
@@ -42,7 +42,7 @@ def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def print_table(summary: Sequence[Mapping[str, Any]], scores: Sequence[str] = SHOWN) -> None:
-    """Print the chosen scores of each policy with their intervals, the best return first."""
+    """Print policies' chosen scores with intervals, best return first."""
     values = {(row["policy"], row["score"]): row for row in summary}
     policies = sorted({row["policy"] for row in summary}, key=lambda name: -values[name, "return"]["mean"])
     width = max(len(name) for name in policies) + 2
@@ -67,7 +67,7 @@ def print_differences(rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def rows_of(path: Path) -> list[dict[str, str]]:
-    """Return the rows of a CSV file as text, none if there is no file."""
+    """Return a CSV file's rows as text, none without a file."""
     if not path.is_file():
         return []
     with path.open(encoding="utf-8") as file:
@@ -75,12 +75,12 @@ def rows_of(path: Path) -> list[dict[str, str]]:
 
 
 def read_rows(path: Path) -> list[dict[str, float]]:
-    """Read rows of numbers from a CSV file; an empty cell is an absent number, an absent file has no rows."""
+    """Read rows of numbers from CSV; absent files and cells give none."""
     return [{name: float(value) for name, value in row.items() if value} for row in rows_of(path)]
 
 
 def mean_with_interval(values: Iterable[float]) -> dict[str, float]:
-    """Return mean and 95 % interval (normal, 1.96 standard errors) of independent values."""
+    """Return mean and 95 % interval (normal, 1.96 standard errors)."""
     x = np.array(list(values), dtype=float)
     error = 1.96 * x.std(ddof=1) / math.sqrt(len(x)) if len(x) > 1 else math.nan
     return {
@@ -100,7 +100,7 @@ def by_policy(rows: Iterable[Mapping[str, Any]]) -> dict[str, list[Mapping[str, 
 
 
 def summarise(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return mean and 95 % interval of every numeric score of each policy, within what its mean can be."""
+    """Return each score's mean and possible 95 % interval by policy."""
     return [
         {"policy": policy, "score": score, **_possible(score, [float(row[score]) for row in own])}
         for policy, own in by_policy(rows).items()
@@ -110,7 +110,7 @@ def summarise(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 
 def _possible(score: str, values: Sequence[float]) -> dict[str, float]:
-    """Return mean and interval: of a share between 0 and 1, and not below 0 for what is a size."""
+    """Clip mean and interval to 0 to 1 (shares) or from 0 (sizes)."""
     found = mean_with_interval(values)
     if min(values) >= 0.0:
         found["low_95"] = max(found["low_95"], 0.0)
@@ -122,7 +122,7 @@ def _possible(score: str, values: Sequence[float]) -> dict[str, float]:
 def differences(
     rows: Iterable[Mapping[str, Any]], policy: str, scores: Sequence[str] = ("return", "success")
 ) -> list[dict[str, Any]]:
-    """Return the paired differences of ``policy`` from every other on the same specimens, with 95 % intervals."""
+    """Return the paired differences of ``policy`` from every other, with 95 % intervals."""
     each = by_policy(rows)
     own = {row["seed"]: row for row in each[policy]}
     return [
@@ -148,7 +148,7 @@ _TOGETHER = 100  # resamples computed at a time, to limit memory
 
 
 def interquartile_mean(values: np.ndarray) -> np.ndarray:
-    """Return the mean of the middle half along the last axis; a quarter, rounded down, is removed at either end."""
+    """Return the interquartile mean along the last axis, quarters rounded down."""
     middle: np.ndarray = trim_mean(values, 0.25, axis=-1)
     return middle
 
@@ -171,7 +171,7 @@ class Interval:
 
 
 def mean(values: np.ndarray) -> np.ndarray:
-    """Return the mean along the last axis: a statistic for shares, whose middle half means little."""
+    """Return the mean along the last axis, for shares."""
     found: np.ndarray = values.mean(axis=-1)
     return found
 
@@ -184,7 +184,7 @@ def stratified(
     resamples: int = 2000,
     seed: int = 0,
 ) -> Interval:
-    """Compute the statistic of all strata together, with its 95 % percentile interval.
+    """Return the statistic of all strata, with 95 % percentile interval.
 
     Parameters
     ----------
@@ -236,5 +236,5 @@ def stratified(
 
 
 def _draw(rng: np.random.Generator, resamples: int, size: int) -> np.ndarray:
-    """Return the members of each resample, drawn with replacement, shape (resamples, size)."""
+    """Return resampled indices, with replacement, shape (resamples, size)."""
     return rng.integers(size, size=(resamples, size))

@@ -32,7 +32,7 @@ from cutenv.task.registry import task_of
 
 
 def typical(rows: Sequence[Mapping[str, Any]], seeds: Sequence[int], agent: str) -> int:
-    """Return the specimen on which the agent's return is its median: neither a good nor a bad example."""
+    """Return the specimen on which the agent's return is its median."""
     own = sorted((row["return"], row["seed"]) for row in rows if row["policy"] == agent)
     assert len(own) == len(seeds)
     return int(own[len(own) // 2][1])
@@ -85,7 +85,7 @@ def shown_facts(facts: Mapping[str, Any]) -> dict[str, str]:
 
 
 def chosen_at(curve: Sequence[Mapping[str, float]]) -> int | None:
-    """Return the number of decisions before the checkpoint that did best on validation specimens; None without one."""
+    """Return the decisions before the checkpoint best in validation, or None."""
     validated = [point for point in curve if "validation_return" in point]
     chosen = max(validated, key=lambda point: point["validation_return"], default=None)
     return None if chosen is None else int(chosen["decisions"])
@@ -143,7 +143,7 @@ def compare_task(run: Path, facts: Mapping[str, Any], *, processes: int | None =
 
 
 class ComparedCuts(NamedTuple):
-    """Every cut that all policies made, and the paired differences of the agent."""
+    """All policies' cuts, with paired differences of the agent."""
 
     rows: Sequence[Mapping[str, Any]]
     paired: Sequence[Mapping[str, Any]]
@@ -195,7 +195,7 @@ def write_run_page(
 
 
 def task_headline(agent: str, paired: Sequence[Mapping[str, Any]], scripts: Collection[str]) -> str:
-    """Return whether an agent beats every script, in a sentence or two.
+    """Return sentences on whether an agent beats every script.
 
     Parameters
     ----------
@@ -329,7 +329,7 @@ def compare(
 
 
 def known_rows(path: Path, policies: Sequence[str], seeds: Sequence[int]) -> list[dict[str, Any]]:
-    """Read the rows of these policies from another comparison; ValueError unless it is on the same specimens."""
+    """Read these policies' rows from another comparison; ValueError if specimens differ."""
     with path.open(encoding="utf-8") as file:
         rows = [row for row in csv.DictReader(file) if row["policy"] in policies]
     result: list[dict[str, Any]] = [

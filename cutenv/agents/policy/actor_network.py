@@ -87,7 +87,7 @@ class Network:
         return np.tanh(values) if self.output == "tanh" else values
 
     def to_arrays(self) -> dict[str, Array32]:
-        """Return weights and biases by name: ``layer_0.weight``, ``layer_0.bias``, ``layer_1.weight`` and so on."""
+        """Return weights and biases by name: ``layer_0.weight``, ``layer_0.bias`` and so on."""
         return {
             _name(k, part): array
             for k, layer in enumerate(self.layers)
@@ -139,7 +139,7 @@ class Network:
 
 
 def row_by_row(values: Array32, weight: Array32) -> Array32:
-    """Multiply ``values``, shape (..., inputs), by ``weight``, shape (outputs, inputs), each row on its own.
+    """Multiply ``values``, (..., inputs), by ``weight``, (outputs, inputs), row by row.
 
     One product of all rows rounds differently from single rows, and a cut amplifies the last bit.
     """
@@ -160,7 +160,7 @@ def _layer(arrays: Mapping[str, Array32], prefix: str) -> Layer:
 
 
 def checked_array(name: str, values: Array32, dimensions: int) -> Array32:
-    """Return a read-only C-ordered copy; raise ValueError unless float32, finite and of ``dimensions`` axes."""
+    """Return a read-only C-ordered copy; raise ValueError unless finite float32 of ``dimensions``."""
     array = np.array(values, order="C")
     if array.dtype != np.float32:
         raise ValueError(f"{name} is {array.dtype}; give float32: array.astype(numpy.float32).")
@@ -187,7 +187,7 @@ _GATES = 4  # input i, forget f, cell g, output o: stacked in this order, as in 
 
 @dataclass(frozen=True, eq=False)
 class RecurrentNetwork:
-    """One LSTM layer (long short-term memory, Hochreiter and Schmidhuber 1997), then a :class:`Network`.
+    """LSTM layer (Hochreiter and Schmidhuber 1997), followed by a :class:`Network`.
 
     With features x and state (h, c): i, f, g, o = W_ih x + b_ih + W_hh h + b_hh,
     c' = sigmoid(f) c + sigmoid(i) tanh(g), h' = sigmoid(o) tanh(c'); the network's input is h'.
@@ -248,7 +248,7 @@ class RecurrentNetwork:
         return np.zeros((count, self.units), np.float32), np.zeros((count, self.units), np.float32)
 
     def __call__(self, features: Array32, state: State) -> tuple[Array32, State]:
-        """Return the output, shape (n, ``sizes[-1]``), and the next state, for features, shape (n, ``sizes[0]``)."""
+        """Return output, (n, ``sizes[-1]``), and next state for features, (n, ``sizes[0]``)."""
         x = np.asarray(features, dtype=np.float32)
         if x.shape[-1:] != self.sizes[:1]:
             raise ValueError(f"features has shape {x.shape}; its last axis must hold {self.sizes[0]} numbers.")
@@ -260,7 +260,7 @@ class RecurrentNetwork:
         return self.head(h), (h, c)
 
     def to_arrays(self) -> dict[str, Array32]:
-        """Return weights and biases by name: ``memory.weight_ih`` and so on, then those of the head."""
+        """Return weights and biases by name: memory (``memory.weight_ih``), then head."""
         return {_PREFIX + part: getattr(self, part) for part in _LSTM_PARTS} | self.head.to_arrays()
 
     @classmethod
@@ -278,7 +278,7 @@ class RecurrentNetwork:
 
     @classmethod
     def from_state_dict(cls, arrays: Mapping[str, Array32], activation: str) -> RecurrentNetwork:
-        """Build the actor of sb3-contrib's ``MlpLstmPolicy`` with one LSTM layer; see :meth:`Network.from_state_dict`.
+        """Build sb3-contrib's ``MlpLstmPolicy`` actor, like :meth:`Network.from_state_dict`.
 
         Raises
         ------

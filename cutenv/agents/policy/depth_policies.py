@@ -92,7 +92,7 @@ class DepthFeatures(Features):
         self._felt[cuts] = nothing_felt(1)[0]
 
     def seen_along(self, seen: Array32) -> Array32:
-        """Return the part of the observations that gentle cutting has, with the blade's depth as the depth of cut."""
+        """Return gentle cutting's observations, with blade depth as cut depth."""
         along = seen[:, :_FIRST].copy()
         along[:, DEPTH_COLUMN] = seen[:, _BLADE_DEPTH] * (_SCALES[_BLADE_DEPTH] / SCALES[DEPTH_COLUMN])
         return along
@@ -116,7 +116,7 @@ def add_depth_some(
     observations: StructArray,
     features: StructArray,
 ) -> None:
-    """Fill the last features, of depth, and update the memory of the n cuts given by index.
+    """Fill the depth features and update memory of n indexed cuts.
 
     ``estimates`` and ``tips`` are those of all cuts, :data:`~cutenv.agents.policy.tip_estimate.CUT_ESTIMATE` and
     :data:`~cutenv.agents.policy.tip_estimate.CUT_MEMORY`; ``felt`` is
@@ -169,7 +169,7 @@ def _add_depth(
 
 @njit_internal
 def _add_lower(memory: Struct, tip: float, level: float, features: StructArray, k: int) -> int:
-    """Fill by how much the blade must go down, for a tip [m], from feature ``k`` on; return the next one."""
+    """Fill how far to descend for a tip [m]; return the next feature."""
     for lead in _LEADS:
         i = min(max(int((tip + lead) / SPACING + 0.5), 0), memory.passed - 1)
         lower = level - (memory.surface[i] - memory.wanted[i])
@@ -181,7 +181,7 @@ def _add_lower(memory: Struct, tip: float, level: float, features: StructArray, 
 
 @njit_internal
 def _remember_depth(memory: Struct, position: float, surface: float, wanted: float) -> None:
-    """Remember surface and wanted depth [m] up to the blade, interpolated since the last point that it passed."""
+    """Remember interpolated surface and wanted depth [m] up to the blade."""
     passed = memory.passed
     reached = min(int(position / SPACING + 0.5), N_POINTS - 1) + 1
     before = memory.surface[passed - 1] if passed > 0 else surface
@@ -205,7 +205,7 @@ _DEPTH_SCALE = COMPONENTS[DEPTH_COLUMN].scale
 
 
 class DepthScript(ArrayPolicy):
-    """Base class: a policy of gentle cutting moves along the cut, and :meth:`depths` says how deep.
+    """Base class: gentle cutting along the cut, with depth by :meth:`depths`.
 
     A cut is as deep as the blade is where the crack tip is, some millimetres behind.  So the surface and the wanted
     depth are remembered as the blade passes, and the blade is as high as they ask for at the estimated tip.
@@ -250,7 +250,7 @@ class DepthScript(ArrayPolicy):
         self._passed[cuts], self._begun[cuts] = -1, np.nan
 
     def act(self, observations: Array32) -> Array32:
-        """Return the actions, shape (n, 3), for the observations of all cuts, shape (n, 22)."""
+        """Return actions, (n, 3), for all cuts' observations, (n, 22)."""
         observations = np.asarray(observations, np.float32)
         if observations.shape[1:] != (len(DEPTH_CUT.all_components),):
             raise ValueError(
@@ -290,12 +290,12 @@ class DepthScript(ArrayPolicy):
         return self._estimate.tips(along)
 
     def surfaces(self, point: Indices) -> Array:
-        """Return the levels of the surface [m], shape (n,), at these points of the grid."""
+        """Return surface levels [m], (n,), at these grid points."""
         levels: Array = self._surface[np.arange(len(point)), point]
         return levels
 
     def _remember(self, position: Array, surface: Array, wanted: Array) -> None:
-        """Remember surface and wanted depth [m] at the points that the blades have passed."""
+        """Remember surface and wanted depth [m] at the points that blades passed."""
         point = np.clip((position / SPACING + 0.5).astype(int), 0, N_POINTS - 1)
         for n in np.flatnonzero(point > self._passed).tolist():
             self._surface[n, self._passed[n] + 1 : point[n] + 1] = surface[n]
@@ -304,7 +304,7 @@ class DepthScript(ArrayPolicy):
 
     @abstractmethod
     def depths(self, wanted: Array, seen: Array, actions: Array32) -> Array:
-        """Return the depths below the surface to which the blades are to go [m], shape (n,).
+        """Return the blades' target depths below the surface [m], (n,).
 
         Parameters
         ----------
@@ -365,7 +365,7 @@ class DepthByTwoForces(FollowDepth):
         self._forces.forget(cuts)
 
     def tips(self, along: Array, seen: Array) -> Array:
-        """Return the tips by two forces, and once a return stroke has located one, those that follow from it."""
+        """Return the tips by two forces, or by a return stroke's measurement."""
         located = super().tips(along, seen)
         lags = self._forces.lags(
             np.column_stack([along[:, _MOTION], seen[:, VERTICAL_MEAN], seen[:, _OWN_DESCENT_SPEED]])
@@ -403,7 +403,7 @@ class DepthByForce(DepthScript):
         self._most = in_range("most", most, 0.0, 0.02, "m", "1 mm is 0.001.")
 
     def depths(self, wanted: Array, seen: Array, actions: Array32) -> Array:
-        """Return the depths at which the floor comes to the wanted ones."""
+        """Return depths at which the floor becomes the wanted one."""
         pressed: Array = wanted + np.clip(self._per_force * seen[:, VERTICAL_MEAN], 0.0, self._most)
         return pressed
 
@@ -453,7 +453,7 @@ class ProbeDown(DepthScript):
         self._usual[cuts], self._floor[cuts] = np.nan, np.inf
 
     def depths(self, wanted: Array, seen: Array, actions: Array32) -> Array:
-        """Return the depths of a probe, or the wanted ones above what was found."""
+        """Return depths of a probe, or the wanted ones above its finding."""
         due = (self.elapsed / self._every).astype(int)  # the first one after a while, not at the start
         down = (due > self._probes) & (self.elapsed - due * self._every < _PROBE_TIME)
         done = (due > self._probes) & ~down

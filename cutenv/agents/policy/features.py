@@ -164,11 +164,11 @@ class Features:
         return found
 
     def seen_along(self, seen: Array32) -> Array32:
-        """Return the part of the observations, shape (n, components), that gentle cutting has, shape (n, 12)."""
+        """Return gentle cutting's part, (n, 12), of observations, (n, components)."""
         return np.ascontiguousarray(seen[:, : len(COMPONENTS)])
 
     def add(self, seen: Array32, cuts: Indices, features: Array32) -> None:
-        """Fill the last ``added`` features of ``cuts`` from their observations, shape (n, components)."""
+        """Fill ``cuts``' last ``added`` features from observations, (n, components)."""
 
 
 def feature_count(history: int) -> int:
@@ -180,7 +180,7 @@ def feature_count(history: int) -> int:
 def extract_some(
     remembered: Remembered, cuts: StructArray, nominals: StructArray, observations: StructArray, features: StructArray
 ) -> bool:
-    """Fill ``features``, shape (n, size), and update what is remembered of the n cuts given by index.
+    """Fill ``features``, (n, size), and update memory of n indexed cuts.
 
     Returns False, and changes nothing, if an observation is not finite.
     """

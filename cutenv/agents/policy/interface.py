@@ -32,11 +32,11 @@ class Policy(Protocol):
     """A policy for ``cutenv/GentleCut-v1`` and everything with the same spaces."""
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Forget the last cut; ``rng`` is the only source of randomness for the next."""
+        """Forget the last cut; ``rng`` gives the next one's randomness."""
         ...
 
     def __call__(self, observation: Array32) -> Array32:
-        """Return the action, shape (2,) float32 in [-1, 1], for an observation, shape (12,)."""
+        """Return the action, (2,) float32 in [-1, 1], for an observation, (12,)."""
         ...
 
 
@@ -48,25 +48,25 @@ class PrivilegedPolicy(Protocol):
     """
 
     def set_state(self, cutting: Episode) -> None:
-        """Take the hidden state; called after ``reset`` with the cut at its start."""
+        """Take the hidden state at a cut's start, after ``reset``."""
         ...
 
 
 class ArrayPolicy(ABC):
-    """Base class of policies that decide for n cuts in one call; a single cut is n = 1 of the same code."""
+    """Base class of policies that decide for n cuts in one call."""
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget all cuts, and begin a single one."""
         self.begin([rng])
 
     def __call__(self, observation: Array32) -> Array32:
-        """Return the action, shape (2,), for an observation, shape (12,), of the cut since :meth:`reset`."""
+        """Return the action, (2,), for an observation, (12,), since :meth:`reset`."""
         action: Array32 = self.act(np.asarray(observation)[None])[0]
         return action
 
     @abstractmethod
     def begin(self, rngs: Sequence[np.random.Generator]) -> None:
-        """Forget all cuts, and begin ``len(rngs)``, each with its own source of randomness."""
+        """Forget all cuts; begin ``len(rngs)``, each with its own randomness."""
 
     @abstractmethod
     def forget(self, cuts: Indices) -> None:
@@ -76,12 +76,12 @@ class ArrayPolicy(ABC):
     """True: it must be given the hidden state by :meth:`set_states`, like a :class:`PrivilegedPolicy`."""
 
     def set_states(self, cuttings: Sequence[Episode]) -> None:
-        """Take the hidden states of all cuts, at their start; called after :meth:`begin` where it is privileged."""
+        """Take all cuts' hidden states at the start, after :meth:`begin`."""
         raise NotImplementedError(f"{type(self).__name__} takes no hidden state.")
 
     @abstractmethod
     def act(self, observations: Array32) -> Array32:
-        """Return the actions, shape (n, 2) float32 in [-1, 1], for the observations of all cuts, shape (n, 12)."""
+        """Return actions, (n, 2) float32 in [-1, 1], for observations, (n, 12)."""
 
 
 class CopiedPolicy(ArrayPolicy):
@@ -115,7 +115,7 @@ class CopiedPolicy(ArrayPolicy):
 
 
 def as_array_policy(policy: Policy) -> ArrayPolicy:
-    """Return a policy for many cuts at once: itself, or copies of one that was written for single cuts."""
+    """Return a policy for many cuts at once, itself or copies of it."""
     return policy if isinstance(policy, ArrayPolicy) else CopiedPolicy(policy)
 
 
@@ -141,19 +141,19 @@ POSITION_COLUMN, SPEED_COLUMN, ANGLE_COLUMN, DEPTH_COLUMN, DISTANCE_COLUMN = (
 
 
 def in_si(observations: ArrayLike) -> Array:
-    """Return observations, shape (n, 12), in SI units; raise ValueError for a wrong shape or a number not finite."""
+    """Return observations, (n, 12), in SI; raise ValueError if invalid."""
     values: Array = checked_observation(observations) * SCALES + OFFSETS
     return values
 
 
 def to_actions(speeds: Array, angles: Array | float) -> Array32:
-    """Return actions, shape (n, 2) float32 in [-1, 1], for speeds [m/s], shape (n,), and angles [rad]; clipped."""
+    """Return clipped actions, (n, 2) float32, for speeds [m/s] and angles [rad]."""
     actions = np.empty((len(speeds), 2), np.float32)
     actions[:, 0], actions[:, 1] = speed_action(speeds), (angles - ANGLE_CENTRE) / ANGLE_SCALE
     return np.clip(actions, -1.0, 1.0, out=actions)
 
 
 def choose(condition: NDArray[np.bool_], actions: Array32, others: Array32) -> Array32:
-    """Return ``actions`` where the condition, shape (n,), holds, else ``others``; shape (n, 2)."""
+    """Return ``actions`` where ``condition`` holds, else ``others``, shape (n, 2)."""
     chosen: Array32 = np.where(condition[:, None], actions, others)
     return chosen

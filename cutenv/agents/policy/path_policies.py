@@ -164,7 +164,7 @@ def add_path_some(
     observations: StructArray,
     features: StructArray,
 ) -> None:
-    """Fill the last features, of the path, and reckon on the courses of the n cuts given by index.
+    """Fill the path features, and estimate courses of n indexed cuts.
 
     ``estimates`` are those of all cuts, :data:`~cutenv.agents.policy.tip_estimate.CUT_ESTIMATE`; ``observations`` and
     ``features`` have shape (n, 28) and (n, size).
@@ -244,7 +244,7 @@ class SeenPath(NamedTuple):
 
 
 class PathScript(ArrayPolicy):
-    """Base class: a policy of gentle cutting moves along the line, and :meth:`bends` says how to steer.
+    """Base class of gentle-cutting policies that steer by :meth:`bends`.
 
     Parameters
     ----------
@@ -278,7 +278,7 @@ class PathScript(ArrayPolicy):
         self._estimate.forget(cuts)
 
     def act(self, observations: Array32) -> Array32:
-        """Return the actions, shape (n, 3), for the observations of all cuts, shape (n, 28)."""
+        """Return actions, (n, 3), for all cuts' observations, (n, 28)."""
         observations = np.asarray(observations, np.float32)
         if observations.shape[1:] != (len(PATH_CUT.all_components),):
             raise ValueError(f"observations have shape {observations.shape}; give (n, {len(PATH_CUT.all_components)}).")
@@ -295,14 +295,14 @@ class PathScript(ArrayPolicy):
 
     @abstractmethod
     def bends(self, seen: SeenPath, actions: Array32) -> Array:
-        """Return the bends of the blade's way to the left [1/m], shape (n,); ``actions``, shape (n, 3), may be changed.
+        """Return leftward bends of the ways [1/m], (n,); ``actions`` may change.
 
         Each is what a blade that moves forward turns by, over its way.
         """
 
 
 def course(seen: SeenPath, aside: Array | float) -> Array:
-    """Return the bends [1/m], shape (n,), of a way that comes to a distance ``aside`` to the left of the line [m]."""
+    """Return bends [1/m], (n,), that approach ``aside`` left of the line [m]."""
     back = np.where(seen.along[:, SPEED_COLUMN] < 0.0, -1.0, 1.0)
     off = aside + seen.line[:, ASIDE]
     bends: Array = seen.line[:, BEND] + off / _RETURN_LENGTH**2 - back * 2.0 / _RETURN_LENGTH * seen.turned
@@ -326,16 +326,16 @@ class BladeOnLine(PathScript):
 
 
 class LookAhead(PathScript):
-    """A blade that heads for the line 10 mm further, as a driver does: inside the bends."""
+    """Blade that heads for the line 10 mm ahead, inside bends."""
 
     def bends(self, seen: SeenPath, actions: Array32) -> Array:
-        """Return the bends of arcs to the line ahead; backwards, the blade goes back along the line."""
+        """Return bends of arcs to the line ahead, or backwards along it."""
         ahead: Array = 2.0 * seen.line[:, ASIDE_FURTHER] / LINE_AHEAD[1] ** 2
         return np.where(seen.along[:, SPEED_COLUMN] < 0.0, course(seen, 0.0), ahead)
 
 
 class SlowInBends(PathScript):
-    """A blade that follows the line, slower where the line bends within the next 10 mm.
+    """Blade that follows the line, slower before bends within 10 mm.
 
     Parameters
     ----------
@@ -348,7 +348,7 @@ class SlowInBends(PathScript):
         self._bend = in_range("bend", bend, 1.0, 1000.0, "1/m", "A radius of 25 mm is 40.")
 
     def bends(self, seen: SeenPath, actions: Array32) -> Array:
-        """Return bends that keep the blade on the line, and slow it down."""
+        """Return bends that keep to the line, and slow blades down."""
         bend = np.abs(seen.line[:, _BENDS]).max(axis=1)
         forward = actions[:, 0] > DEAD_ZONE
         slower = DEAD_ZONE + (actions[:, 0] - DEAD_ZONE) / (1.0 + bend / self._bend)
@@ -377,7 +377,7 @@ class OutsideTheBend(PathScript):
 
 
 class SteerByForce(PathScript):
-    """A blade that is led to the side until the force points where the crack is to go.
+    """Blade that is steered sideways until the force points as wanted.
 
     The crack turns after the force, whose direction is felt.  So the way of the tip is reckoned
     (:mod:`cutenv.agents.policy.path_policies`), and the blade is led to that side where the force must be for the tip
@@ -406,7 +406,7 @@ class SteerByForce(PathScript):
         self._course.forget(cuts)
 
     def bends(self, seen: SeenPath, actions: Array32) -> Array:
-        """Return bends that bring the force to where the crack is to go."""
+        """Return bends that turn the force to the wanted crack direction."""
         aside, crack = self.reckon(seen)
         wanted = -np.clip(aside / self._back, -1.0, 1.0)
         turned = np.clip(self._gain * (wanted - crack), -_LARGEST_TURN, _LARGEST_TURN)
@@ -414,7 +414,7 @@ class SteerByForce(PathScript):
         return np.where(seen.along[:, SPEED_COLUMN] <= 0.0, course_back(seen), ahead)
 
     def reckon(self, seen: SeenPath) -> tuple[Array, Array]:
-        """Return the distances of the tips to the left of the line [m], and the angles of the cracks to it [rad]."""
+        """Return tips' leftward distances [m] and crack angles [rad] to the line."""
         force = seen.estimates["elastic"], seen.line[:, LATERAL_MEAN]
         line = seen.line[:, BEND], seen.turned
         self._course.follow(seen.along[:, POSITION_COLUMN], line, seen.estimates["tip"], force)
@@ -422,7 +422,7 @@ class SteerByForce(PathScript):
 
 
 def course_back(seen: SeenPath) -> Array:
-    """Return the bends [1/m], shape (n,), of a blade that draws back, to where the cut does not push it to a side."""
+    """Return bends [1/m], (n,), of a retreat without sideways push."""
     return course(seen, -seen.line[:, ASIDE] - _YIELDED * seen.line[:, LATERAL])
 
 

@@ -1,4 +1,4 @@
-"""Planners: the best plan, rolled out compiled, of a whole cut through known tissue, or the assumed mean tissue."""
+"""Planners: the best plan of a whole cut through known or mean tissue."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ PLAN: np.dtype[Any] = np.dtype(
 
 @njit
 def planned_command(plan: Struct, position: float) -> tuple[float, float]:
-    """Return speed [m/s] and angle [rad] before the stop, for a blade at ``position`` [m]."""
+    """Return a plan's speed [m/s] and angle [rad] at ``position`` [m]."""
     k = min(max(int(position / STRETCH), 0), KNOTS - 1)
     speed = plan.last_speed if position >= plan.slow_from else plan.speed[k]
     angle = UPRIGHT if position >= plan.upright_from else plan.angle[k]
@@ -86,7 +86,7 @@ class RollOut(NamedTuple):
 
 @njit_nogil
 def roll_out_some(passed: WorkQueue, core: int, cuts: Cuts, plans: StructArray, roll_out: RollOut) -> None:
-    """Follow n plans, each to the end of its own cut, with the reward assessed from hidden state.
+    """Simulate n plans to their cuts' ends, rewarded from hidden state.
 
     A plan with a leader takes over its cut where it stops, so that what they share is simulated once.
 
@@ -150,7 +150,7 @@ def roll_out_some(passed: WorkQueue, core: int, cuts: Cuts, plans: StructArray, 
 
 @njit_internal
 def _row_from(waits: StructArray, begun: int, last: int) -> int:
-    """Return the end of the next row: of cuts from ``begun`` to before ``last``, so many that its lanes suffice."""
+    """Return the end of the next row, by lanes that its cuts need."""
     taken = 0
     for n in range(begun, last):
         if not waits[n]:
@@ -162,7 +162,7 @@ def _row_from(waits: StructArray, begun: int, last: int) -> int:
 
 @njit_internal
 def _take_over(cuts: Cuts, plans: StructArray, waits: StructArray, returns: StructArray, n: int) -> int:
-    """Let plan ``n`` take over its leader's cut if it stops here; return 1 if that cut is over before, else 0."""
+    """Let plan ``n`` continue its leader's cut; return 1 if over."""
     leader = n + plans[n].leader
     if cuts.states[leader].blade < plans[n].stop and not waits[leader]:
         return 0
@@ -177,7 +177,7 @@ def _take_over(cuts: Cuts, plans: StructArray, waits: StructArray, returns: Stru
 
 @njit_internal
 def choose_action(plan: Struct, state: Struct, action: StructArray) -> None:
-    """Fill ``action`` with the plan's for the present state, rounded to float32 as an environment's is."""
+    """Fill ``action`` with the plan's, rounded to float32 as in environments."""
     speed, angle = planned_command(plan, state.blade)
     if plan.stopping == 0 and state.blade >= plan.stop:
         plan.stopping = 1
@@ -218,7 +218,7 @@ class Search:
         self._decisions = math.ceil(1e3 * cuttings[0].deadline / self._ticks)
 
     def returns(self, plans: list[StructArray]) -> list[Array]:
-        """Return the return of each plan, shape (n,), for the plans of each cut."""
+        """Return each plan's return, (n,), for each cut's plans."""
         each = max(_AT_ONCE // max(len(own) for own in plans), 1)  # whole cuts, as many as memory should hold
         found: list[Array] = []
         for k in range(0, len(plans), each):
@@ -228,7 +228,7 @@ class Search:
         return found
 
     def commands(self, plans: list[StructArray]) -> list[Array]:
-        """Return the actions of a plan, shape (1,), for each cut at each decision; shape (decisions, 2)."""
+        """Return a plan's actions by cut and decision, shape (decisions, 2)."""
         return list(self._roll_out(self._starts, plans, recorded=True)[1])
 
     def _roll_out(self, starts: list[Cuts], plans: list[StructArray], *, recorded: bool) -> tuple[Array, Array]:
@@ -247,7 +247,7 @@ class Search:
     def best(
         self, rngs: Sequence[np.random.Generator], *, rounds: int, offspring: int = 16
     ) -> list[tuple[StructArray, float]]:
-        """Search for ``rounds`` rounds; return the best plan found, shape (1,), and its return, for each cut."""
+        """Search for ``rounds``; return each cut's best plan, (1,), and return."""
         plans = [self.plain_plans(target) for target in self._targets]
         best = [
             _better(own, returns, own[:1], -math.inf) for own, returns in zip(plans, self.returns(plans), strict=True)
@@ -265,7 +265,7 @@ class Search:
         return best
 
     def plain_plans(self, target: float) -> StructArray:
-        """Return a grid of plans for a length [m] with one speed and angle throughout, and many positions to stop."""
+        """Return a grid of constant plans for a length [m] with varied stops."""
         speeds, angles = np.array([0.0254, 0.0190, 0.0127, 0.0064]), np.radians([45.0, 60.0, 90.0])
         stops = target + np.linspace(-0.004, 0.044, 33)  # the blade leads the tip by up to 4 cm
         v, theta, stop = (grid.ravel() for grid in np.meshgrid(speeds, angles, stops, indexing="ij"))
@@ -282,7 +282,7 @@ class Search:
     def varied(
         self, plan: StructArray, target: float, size: float, count: int, rng: np.random.Generator
     ) -> StructArray:
-        """Return ``count`` mutations of ``plan``, shape (1,): each number is changed with a probability of 1/3."""
+        """Return ``count`` mutations of ``plan``, (1,), each number with probability 1/3."""
         plans = np.repeat(plan, count)
         plans["leader"] = 0
 
@@ -404,7 +404,7 @@ class PlannerNominal(Script):
         return to_actions(speeds, angles)
 
     def plan_for(self, target: float) -> StructArray:
-        """Return the plan for a target length [m], rounded to a centimetre, shape (1,); cached."""
+        """Return the cached plan, (1,), for a target length [m], by centimetre."""
         length = round(target, 2)
         if length not in self._plans:
             search = Search(_mean_cut(self._tissue, length))

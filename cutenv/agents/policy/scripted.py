@@ -37,7 +37,7 @@ _REACTION = 0.060  # [s]: some 50 ms more than the rig needs; every script's mar
 
 
 def coasting(speed: ArrayLike) -> Array:
-    """Return the stopping distance [m] of a blade at ``speed`` [m/s] after a stop command."""
+    """Return a blade's stopping distance [m] from ``speed`` [m/s]."""
     v: Array = np.maximum(speed, 0.0)
     return v * _REACTION + v**2 / (2.0 * _DECELERATION)
 
@@ -99,17 +99,17 @@ class StopAndUnload:
         self._stopping[cuts] = self.unloaded[cuts] = False
 
     def stop(self, cuts: NDArray[np.bool_]) -> None:
-        """Begin the ending of those cuts now, wherever their tips are; ``cuts`` has shape (n,)."""
+        """Begin the ending of ``cuts``, a mask of shape (n,), now."""
         self._stopping |= cuts
 
     def __call__(self, observation: Array32) -> Array32 | None:
-        """Return the action of the ending once it has begun, else None, for an observation, shape (12,)."""
+        """Return the ending's action once begun, else None, for an observation, (12,)."""
         begun, actions = self.endings(in_si(observation)[None])
         self.tip, self.left = float(self.tip[0]), float(self.left[0])
         return actions[0] if begun[0] else None
 
     def endings(self, seen: Array) -> tuple[NDArray[np.bool_], Array32]:
-        """Return which endings have begun, shape (n,), and their actions, for observations in SI units, (n, 12)."""
+        """Return which endings have begun, (n,), and actions, for SI observations, (n, 12)."""
         self.estimates = self.tip_estimate.estimates(seen)
         self.tip = self.estimates["tip"]
         self.left = seen[:, POSITION_COLUMN] + seen[:, DISTANCE_COLUMN] - self.tip
@@ -142,14 +142,14 @@ class Script(ArrayPolicy):
         self.unloading.forget(cuts)
 
     def act(self, observations: Array32) -> Array32:
-        """Return the actions, shape (n, 2), for the observations of all cuts, shape (n, 12)."""
+        """Return actions, (n, 2), for all cuts' observations, (n, 12)."""
         seen = in_si(observations)
         ending, endings = self.unloading.endings(seen)
         return choose(ending, endings, self.command(seen))
 
     @abstractmethod
     def command(self, seen: Array) -> Array32:
-        """Return the actions while cutting, shape (n, 2) or (2,), for observations in SI units, shape (n, 12)."""
+        """Return cutting actions, (n, 2) or (2,), for SI observations, (n, 12)."""
 
 
 class ConstantFeed(Script):
@@ -165,7 +165,7 @@ class ConstantFeed(Script):
 
 
 class FastThenSlow(Script):
-    """A fast feed up to ``approach`` [m] before the target (estimated tip), then a slow one."""
+    """Fast feed until ``approach`` [m] before the target, then slow."""
 
     def __init__(
         self,
@@ -186,7 +186,10 @@ class FastThenSlow(Script):
 
 
 class InclineBetween(Script):
-    """Upright for the first ``start`` [m], then inclined, upright from ``approach`` [m] before the target."""
+    """Feed that is upright at both ends of the cut, inclined between.
+
+    It is upright for the first ``start`` [m], and from ``approach`` [m] before the target.
+    """
 
     def __init__(
         self,
@@ -204,7 +207,7 @@ class InclineBetween(Script):
         self._approach = checked_approach(approach)
 
     def command(self, seen: Array) -> Array32:
-        """Return the inclined action in the middle of the cut, the upright one at its ends."""
+        """Return the inclined action mid-cut, the upright one at ends."""
         between = (self.unloading.tip > self._start) & (self.unloading.left > self._approach)
         return choose(between, self._inclined, self._upright)
 
@@ -239,19 +242,19 @@ class RandomAction(ArrayPolicy):
 
 
 def checked_motion(speed: float, angle: float) -> tuple[float, float]:
-    """Return speed [m/s] and angle [rad]; raise ValueError outside the range of the actions."""
+    """Return speed [m/s], angle [rad]; raise ValueError out of range."""
     in_range("speed", speed, 0.0, 0.0254, "m/s", "Speeds are in m/s: 2.54 cm/s is 0.0254.")
     in_range("angle", angle, math.radians(45.0) - 1e-9, UPRIGHT + 1e-9, "rad", "90 degrees is 1.5708.")
     return speed, angle
 
 
 def checked_approach(approach: float) -> float:
-    """Return a distance before the target [m]; raise ValueError if it is longer than a specimen."""
+    """Return a distance before the target [m]; raise ValueError beyond specimens."""
     return in_range("approach", approach, 0.0, 0.15, "m", "15 mm is 0.015.")
 
 
 class OneReturnStroke(Script):
-    """A constant feed with one short return stroke before the target, which measures stiffness and friction.
+    """Constant feed with one return stroke that measures stiffness and friction.
 
     It gives up where the force tells that the crack would run beyond the target, as from a vessel that holds it.
 
@@ -354,7 +357,7 @@ class ForceFeedback(Script):
 
 
 class ProbeAndCreep(ArrayPolicy):
-    """A cut to near the target, then probes and short feeds in turn, until the tip is near enough.
+    """Cut to near the target, then alternate probes and short feeds.
 
     A probe unloads elastically: as the blade draws back, the force falls along a straight line whose slope is the
     stiffness K at the tip; where only friction is left, there is the tip.
@@ -414,7 +417,7 @@ class ProbeAndCreep(ArrayPolicy):
         self._retreats[cuts] = self._probes[cuts] = self._resting[cuts] = self._furthest[cuts] = self._goal[cuts] = 0
 
     def act(self, observations: Array32) -> Array32:
-        """Return the actions, shape (n, 2), for the observations of all cuts, shape (n, 12)."""
+        """Return actions, (n, 2), for all cuts' observations, (n, 12)."""
         seen = in_si(observations)
         position, target = seen[:, POSITION_COLUMN], seen[:, POSITION_COLUMN] + seen[:, DISTANCE_COLUMN]
         self._furthest = np.maximum(self._furthest, position)
@@ -431,7 +434,7 @@ class ProbeAndCreep(ArrayPolicy):
         return choose(self._retreats, self._retreat, choose(self._resting, self._rest, actions))
 
     def _learn(self, n: int, tip: float, target: float) -> None:
-        """Set the goal of cut ``n`` after a probe that found its tip [m]."""
+        """Set cut ``n``'s goal after a probe located its tip [m]."""
         del self._probing[n]
         self._probes[n] += 1
         missing = target - tip
@@ -460,7 +463,7 @@ class UnloadProbe:
         self.tip = self.stiffness = 0.0
 
     def feel(self, position: float, force: float, speed: float) -> bool:
-        """Add the blade's position [m], force [N] and speed [m/s]; return True while the retreat must go on."""
+        """Add position [m], force [N], speed [m/s]; return True while retreating."""
         if speed > -0.9 * self.SPEED:
             return True
         self._felt.append((position, force))

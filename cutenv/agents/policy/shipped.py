@@ -113,13 +113,13 @@ def experts(task: str) -> tuple[str, ...]:
 
 
 def policy_folder(name: str | Path) -> Path:
-    """Return the folder of a policy, also for the folder of a training run that holds it."""
+    """Return a policy's folder, also from its training run's folder."""
     inside = Path(name, "policy")
     return inside if (inside / CARD).is_file() else Path(name)
 
 
 def named_folder(name: str | Path) -> Path | None:
-    """Return the folder of the policy that :func:`named_policy` loads; None if there is none."""
+    """Return the folder of :func:`named_policy`'s policy, or None."""
     if name in SHIPPED:
         return _shipped_folder(str(name))
     return policy_folder(name) if Path(name).is_dir() else None
@@ -151,7 +151,7 @@ def policy_of_class(name: str) -> Policy | None:
 
 
 def named_policy(name: str | Path) -> TrainedPolicy:
-    """Load a shipped policy by its name, or the one in a folder of its own or of a training run.
+    """Load a policy by shipped name, own folder or training run.
 
     Raises
     ------
@@ -172,7 +172,7 @@ def named_policy(name: str | Path) -> TrainedPolicy:
 
 
 def gentle_policy(name: str | Path) -> TrainedPolicy:
-    """Load a policy as :func:`named_policy` does, if it is one of gentle cutting.
+    """Load a gentle-cutting policy as :func:`named_policy` does.
 
     Raises
     ------

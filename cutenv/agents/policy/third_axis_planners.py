@@ -48,7 +48,7 @@ class ThirdPlan(NamedTuple):
 
 
 class MapSearch:
-    """Random local search over plans of whole cuts, each simulated as it would be.
+    """Random local search over plans of whole cuts, each simulated.
 
     Parameters
     ----------
@@ -75,15 +75,15 @@ class MapSearch:
         self._decisions = math.ceil(1e3 * cuttings[0].deadline / self._ticks)
 
     def new_plain(self, cuttings: Sequence[Any]) -> Search:
-        """Return a search over plans of the motion along the cut alone, where this one begins."""
+        """Return the initial search over plans along the cut alone."""
         return Search(*cuttings)
 
     @abstractmethod
     def choose(self, plans: StructArray, third: Array, cuts: Cuts, waits: NDArray[np.bool_], actions: Array) -> None:
-        """Fill the actions, shape (n, 3), of n plans at the present states of their cuts; not of those that wait."""
+        """Fill actions, (n, 3), of n plans, except of those waiting."""
 
     def roll_out(self, plans: StructArray, third: Array, each: int, *, recorded: bool = False) -> tuple[Array, Array32]:
-        """Simulate ``each`` plans for every cut; return their returns, and the actions, (n, decisions, 3), if asked."""
+        """Simulate ``each`` plans per cut; return returns, and (n, decisions, 3) actions if asked."""
         count = len(plans)
         cuts = self._starts.repeated(each)
         plans["stopping"] = plans["leader"] = 0
@@ -106,7 +106,7 @@ class MapSearch:
     def best(
         self, rngs: Sequence[np.random.Generator], *, rounds: int, offspring: int = 12
     ) -> tuple[StructArray, Array, Array]:
-        """Search for ``rounds`` rounds; return the best plan of each cut, its third part, and its return."""
+        """Search for ``rounds``; return each cut's best plan, third part and return."""
         count, rows = len(self._targets), np.arange(len(self._targets))
         found = self.plain.best(rngs, rounds=max(rounds // 2, 1))
         plans, third = np.concatenate([plan for plan, _ in found]), np.tile(self.third.first, (count, 1))
@@ -132,7 +132,7 @@ class MapSearch:
         return plans, third, returns
 
     def _varied(self, third: Array, size: float, count: int, rng: np.random.Generator) -> Array:
-        """Return ``count`` mutations of the third part of a plan, shape (count, m)."""
+        """Return ``count`` mutations of a plan's third part, (count, m)."""
         shape = count, len(self.third.first)
         steps = size * np.array(self.third.step) * rng.standard_normal(shape)
         varied: Array = third + steps * (rng.random(shape) < 0.5)
@@ -197,7 +197,7 @@ _LEAST_PRESS, _MOST_PRESS, _MOST_LEAD = -0.002, 0.003, 0.02  # [m]
 
 @njit
 def cut_as_deep(profiles: StructArray, descents: StructArray, slabs: StructArray, depth: Array) -> None:
-    """Fill a profile, shape (1,), with that of a tissue that is cut to ``depth`` [m], shape (301,)."""
+    """Fill a profile, (1,), of tissue cut to ``depth`` [m], (301,)."""
     for i in range(N_POINTS):
         descents[0].settled = descents[0].engaged = descents[0].surface[i] - depth[i]
         descents[0].version += 1
@@ -208,7 +208,7 @@ def cut_as_deep(profiles: StructArray, descents: StructArray, slabs: StructArray
 def choose_depth_actions(
     plans: StructArray, depth_plans: Array, cuts: Cuts, waits: StructArray, actions: Array
 ) -> None:
-    """Fill the actions, shape (n, 3), of n plans at the present states of their cuts; not of those that wait.
+    """Fill actions, (n, 3), of n depth plans, except of those waiting.
 
     ``depth_plans``, shape (n, 2), are the distance ahead of the tip at which the depth is followed, and the depth by
     which the blade is lower than wanted [m].
@@ -225,13 +225,13 @@ def choose_depth_actions(
 
 @njit_internal
 def target_level(descent: Struct, depth: Struct, position: float) -> float:
-    """Return the level [m] of a blade that cuts as deep as wanted at ``position`` [m]."""
+    """Return the blade level [m] of wanted depth at ``position`` [m]."""
     i = min(max(int(position * POINTS_PER_METRE + 0.5), 0), N_POINTS - 1)
     return descent.surface[i] - depth.wanted[i]  # type: ignore[no-any-return]
 
 
 class _PlainSearch(Search):
-    """Search over plans of cuts that are as deep as wanted everywhere: where the search with deepening begins."""
+    """Search over plans at wanted depth, before deepening is searched."""
 
     def __init__(self, cuttings: Sequence[DepthEpisode]) -> None:
         super().__init__(*cuttings)
@@ -251,7 +251,7 @@ class DepthSearch(MapSearch):
     third = ThirdPlan((_LEAD, 0.0), (_LEAD_STEP, _PRESS_STEP), (0.0, _LEAST_PRESS), (_MOST_LEAD, _MOST_PRESS))
 
     def new_plain(self, cuttings: Sequence[DepthEpisode]) -> Search:
-        """Return a search over plans of cuts that are as deep as wanted everywhere."""
+        """Return a search over plans at wanted depth everywhere."""
         return _PlainSearch(cuttings)
 
     def choose(self, plans: StructArray, third: Array, cuts: Cuts, waits: StructArray, actions: Array) -> None:
@@ -287,7 +287,7 @@ _SLOWEST = 0.002  # [m/s], for the rate of turn of a blade at rest
 
 @njit
 def choose_path_actions(plans: StructArray, third: Array, cuts: Cuts, waits: StructArray, actions: Array) -> None:
-    """Fill the actions, shape (n, 3), of n plans at the present states of their cuts; not of those that wait.
+    """Fill actions, (n, 3), of n path plans, except of those waiting.
 
     ``third``, shape (n, 4), are the lengths of the steering.
     """
@@ -303,7 +303,7 @@ def choose_path_actions(plans: StructArray, third: Array, cuts: Cuts, waits: Str
 
 @njit_internal
 def wanted_bend(state: Struct, steering: Struct, lengths: Array) -> float:
-    """Return the bend of the blade's way to the left [1/m], by the true direction and stiffness of the crack."""
+    """Return the way's leftward bend [1/m] from true crack state."""
     cosine, sine = to_crack(steering)  # of the angle from the crack to the blade
     if state.speed < 0.0 or steering.guided == 1:
         return 0.0

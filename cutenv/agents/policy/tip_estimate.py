@@ -121,16 +121,16 @@ class TipEstimate:
         self.memory[cuts] = nothing_yet(self._tissue)[0]
 
     def __call__(self, observation: NDArray[np.float32]) -> float:
-        """Return the tip [m] for an observation, shape (12,), of the cut since :meth:`reset`."""
+        """Return the tip [m] for an observation, (12,), since :meth:`reset`."""
         return float(self.tips(in_si(observation)[None])[0])
 
     def tips(self, seen: Array) -> Array:
-        """Return the tips [m], shape (n,), for the observations of all cuts in SI units, shape (n, 12)."""
+        """Return tips [m], (n,), for all cuts' SI observations, (n, 12)."""
         tips: Array = self.estimates(seen)["tip"]
         return tips
 
     def estimates(self, seen: Array) -> StructArray:
-        """Return :data:`CUT_ESTIMATE`, shape (n,), for the observations of all cuts in SI units, shape (n, 12)."""
+        """Return :data:`CUT_ESTIMATE`, (n,), for all cuts' SI observations, (n, 12)."""
         estimates: StructArray = np.zeros(len(seen), CUT_ESTIMATE)
         _estimate_all(self.memory, self._nominal, seen, estimates)
         return estimates
@@ -138,7 +138,7 @@ class TipEstimate:
 
 @lru_cache(maxsize=8)
 def nothing_yet(tissue: TissueDescription) -> StructArray:
-    """Return the :data:`CUT_MEMORY` of a cut that has not begun, shape (1,), read-only."""
+    """Return an unbegun cut's :data:`CUT_MEMORY`, (1,), read-only."""
     memory = np.zeros(1, CUT_MEMORY)
     believe_mean(memory, float(nominal_tissue(tissue)["friction_per_depth"][0]))
     memory.setflags(write=False)
@@ -191,7 +191,7 @@ def estimate_cut(memory: Struct, nominal: Struct, reading: BladeReading, mean_fo
 
 @njit_internal
 def remember_stiffness(memory: Struct, nominal: Struct, position: float, depth: float) -> None:
-    """Fill the mean tissue's stiffness up to the blade, with the depth [m] interpolated since the last observation."""
+    """Fill mean stiffness up to the blade by interpolated depth [m]."""
     passed = memory.passed
     reached = min(round(position / SPACING), len(memory.stiffness) - 1) + 1
     before = memory.depth if passed > 0 else depth
@@ -242,7 +242,7 @@ def nothing_felt(count: int) -> StructArray:
 
 
 class TwoForces:
-    """Estimator of the tip's lag by two forces, for many cuts at once."""
+    """Estimator of many tips' lag by two forces."""
 
     def begin(self, count: int) -> None:
         """Forget all cuts, and begin ``count``."""
@@ -254,7 +254,7 @@ class TwoForces:
         self._felt[cuts] = nothing_felt(1)[0]
 
     def lags(self, felt: Array) -> Array:
-        """Return the lags of the tips behind the blades [m], shape (n,).
+        """Return the tips' lags behind the blades [m], (n,).
 
         Parameters
         ----------
@@ -323,7 +323,10 @@ class _MeanCut(NamedTuple):
 
 @njit_internal
 def _correct(felt: Struct, mean: _MeanCut, force: float, upwards: float, shares: tuple[float, float]) -> None:
-    """Correct stiffness and friction by the upward force; ``shares`` of friction are along the cut and upwards."""
+    """Correct stiffness and friction by the upward force.
+
+    ``shares`` of friction are along the cut and upwards.
+    """
     full = mean.friction * exp(felt.friction)
     rubbing, raised = full * shares[0], full * shares[1]
     elastic = max(force - rubbing, 0.0)

@@ -34,7 +34,7 @@ _SCALING = ("name", "unit", "scale", "offset")
 
 
 def observation_scaling(environment: str = "cutenv/GentleCut-v1") -> list[dict[str, Any]]:
-    """Return this version's scaling of an environment's observations: name, unit, scale and offset of each component.
+    """Return an environment's observation scaling: name, unit, scale, offset.
 
     The components are in order.
     """
@@ -44,7 +44,7 @@ def observation_scaling(environment: str = "cutenv/GentleCut-v1") -> list[dict[s
 
 @dataclass(frozen=True, kw_only=True)
 class PolicyCard:
-    """Description of a trained network, with all that is needed to run it; JSON-serialisable.
+    """JSON-serialisable description of a trained network, sufficient to run it.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ class PolicyCard:
 
 
 def check_scaling(scaling: list[dict[str, Any]], environment: str = "cutenv/GentleCut-v1") -> None:
-    """Raise if observations of an environment were scaled differently from this version of cutenv."""
+    """Raise if an environment's observations are scaled differently in this version."""
     if not isinstance(scaling, list):
         raise TypeError(f"scaling must be a list with {', '.join(_SCALING)} of each component, got {scaling!r}.")
     components = task_made_as(environment).task.all_components
@@ -173,7 +173,7 @@ def _mapping(name: str, value: Any) -> dict[str, Any]:
 
 
 def _plain(name: str, value: Any) -> Any:
-    """Return a copy that went through JSON; raise ValueError if it is not serialisable."""
+    """Return a copy through JSON; raise ValueError if not serialisable."""
     try:
         return json.loads(json.dumps(value, allow_nan=False))
     except (TypeError, ValueError) as error:
@@ -240,12 +240,12 @@ class TrainedPolicy(ArrayPolicy):
 
     @property
     def network(self) -> Network | RecurrentNetwork:
-        """The network from features to actions; its weights can initialise further training."""
+        """Network from features to actions; its weights can start training."""
         return self._network
 
     @property
     def environment_arguments(self) -> dict[str, Any]:
-        """Arguments for making the environment, so that observations and actions mean the same as in training."""
+        """Environment arguments that keep the training's observations and actions."""
         return dict(self._card.environment_arguments)
 
     def begin(self, rngs: Sequence[np.random.Generator]) -> None:
@@ -268,7 +268,7 @@ class TrainedPolicy(ArrayPolicy):
             values[cuts] = 0.0
 
     def act(self, observations: Array32) -> Array32:
-        """Return the actions, shape (n, 2), for the observations of all cuts, shape (n, 12), or those of its space."""
+        """Return actions, (n, 2), for observations, (n, 12) or the policy's own."""
         features = self._features(observations)
         if self._script is not None:
             return self._corrected(self._script.act(observations), features)
@@ -280,7 +280,7 @@ class TrainedPolicy(ArrayPolicy):
         return _clipped(actions)
 
     def _corrected(self, scripted: Array32, features: Array32) -> Array32:
-        """Add to the script's actions, shape (n, k), what the network thought of last, or thinks of now."""
+        """Add the network's last or present correction to scripted actions, (n, k)."""
         due = self._decided % self._card.hold == 0
         self._decided += 1
         if due.any():
@@ -398,7 +398,7 @@ def _clipped(actions: Array32) -> Array32:
 
 
 def _features(card: PolicyCard, count: int) -> Any:
-    """Build the features described by a card; the only place that knows their keywords."""
+    """Build a card's features, the only user of their keywords."""
     try:
         return task_made_as(card.environment).features(count, **card.features)
     except (TypeError, ValueError) as error:
@@ -410,7 +410,7 @@ def _shown(sizes: tuple[int, ...]) -> str:
 
 
 def _holds_same(path: Path, card: PolicyCard) -> bool:
-    """Return True if the card at ``path`` describes the same policy, apart from facts about its training."""
+    """Return True if ``path`` holds this card, apart from training facts."""
     try:
         kept = PolicyCard.from_json(path.read_text(encoding="utf-8"))
     except (FileNotFoundError, TypeError, ValueError):
@@ -425,7 +425,7 @@ def _content(path: Path) -> bytes:
 
 
 def _write(path: Path, content: bytes) -> None:
-    """Write a file atomically: an interruption leaves the earlier one, or none."""
+    """Write a file atomically: an interruption leaves the earlier or none."""
     with atomic_write(path) as part:
         part.write_bytes(content)
 
@@ -454,7 +454,7 @@ def _safetensors() -> Any:
 
 @contextmanager
 def _named(path: Path) -> Iterator[None]:
-    """Raise errors of the block again with the name of the file."""
+    """Raise errors of the block again with the file's name."""
     try:
         yield
     except (TypeError, ValueError) as error:

@@ -32,7 +32,7 @@ _CLEARLY = 1.3  # [1] ratio over the limit that the fastest step must demand bef
 
 @dataclass(frozen=True, kw_only=True)
 class Response:
-    """Response of the velocity loop to a command; SI, with standard errors.
+    """Velocity loop's response to commands, in SI with standard errors.
 
     A standard error holds two things: the spread between steps (jackknife), and what the model does not describe. The
     misfit that is left over is alike within a step, and a constant may have taken up as much of it again; so it counts
@@ -62,7 +62,7 @@ class Response:
     misfit: float
 
     def positions(self, stretch: Stretch) -> Array:
-        """Return the model's positions at the samples' times [m], up to a constant."""
+        """Return modelled positions at the samples [m], up to a constant."""
         return modelled(stretch, self.lag, self.acceleration or _HIGH[1], self.dead_time)
 
 
@@ -109,7 +109,7 @@ class ForceDelay(NamedTuple):
 
 
 def force_delay(sines: Sequence[Stretch], felt: Sequence[Felt], frequencies: Sequence[float]) -> ForceDelay | Unseen:
-    """Estimate how late the force is, from the inertia of what the sensor carries: F(t) = m a(t - delay) in air.
+    """Estimate force delay by inertia in air: F(t) = m a(t - delay).
 
     Of each sine one amplitude and one phase is taken of the position and of the force. Mass and delay are those that
     fit the phases of all frequencies; the standard errors are those of the noise beside the sines.
@@ -167,7 +167,7 @@ def force_delay(sines: Sequence[Stretch], felt: Sequence[Felt], frequencies: Seq
 
 
 def _within(sine: Stretch, times: Array, frequency: float) -> NDArray[np.bool_]:
-    """Return which times lie in the sine, its first cycle left out."""
+    """Return a mask of times within the sine, after one cycle."""
     begun, ended = float(sine.command_time[0]) + 1.0 / frequency, float(sine.command_time[-1])
     return np.asarray((times >= begun) & (times <= ended))
 
@@ -186,7 +186,7 @@ def _follow(drives: StructArray, states: StructArray, targets: Array, dt: float,
 
 
 def modelled(stretch: Stretch, lag: float, acceleration: float, dead_time: float) -> Array:
-    """Return the position of the simulator's drive under a stretch's commands, at its samples' times [m], from 0 on.
+    """Return the simulated drive's position at the samples [m], from 0.
 
     A pure delay of the command is one of the response, so ``dead_time`` [s] need not be whole milliseconds.
     """
@@ -205,9 +205,10 @@ def modelled(stretch: Stretch, lag: float, acceleration: float, dead_time: float
 
 
 def fit_response(steps: Sequence[Stretch], *, nominal_acceleration: float) -> Response:
-    """Fit lag, acceleration limit and dead time to steps of speed, each from rest to rest.
+    """Fit lag, acceleration limit and dead time to speed steps.
 
-    Least squares on position with a loss that is robust to samples which arrived late; the offset of each step is free.
+    Each step is from rest to rest.  Least squares on position with a loss that is robust to samples which arrived late;
+    the offset of each step is free.
 
     Parameters
     ----------
@@ -258,7 +259,7 @@ def _misfits(steps: Sequence[Stretch], at: Array) -> Array:
 
 
 def _taken_up(steps: Sequence[Stretch], at: Array) -> Array:
-    """Return the errors of the fitted numbers if one misfit of the usual size for each step is what they took up."""
+    """Return fit errors if a usual misfit per step were absorbed."""
     left = _misfits(steps, at)
     columns = []
     for k, change in enumerate(1e-3 * _SCALES):
@@ -270,7 +271,7 @@ def _taken_up(steps: Sequence[Stretch], at: Array) -> Array:
 
 
 def _fit(steps: Sequence[Stretch], start: Array, usual: float | None) -> Any:
-    """Fit; misfits beyond the ``usual`` one [m] count less than their squares, if it is given."""
+    """Fit, with less weight for misfits beyond ``usual`` [m], if given."""
 
     def misfits(at: Array) -> Array:
         return _misfits(steps, at)
@@ -286,7 +287,10 @@ def _fit(steps: Sequence[Stretch], start: Array, usual: float | None) -> Any:
 
 
 def check_sine(stretch: Stretch, frequency: float, response: Response) -> SineCheck:
-    """Compare the response to a sine of ``frequency`` [Hz] with the fitted model's; the first cycle is ignored."""
+    """Compare measured and modelled response to a sine of ``frequency`` [Hz].
+
+    The first cycle is ignored.
+    """
     commanded = modelled(stretch, 1e-6, 1e6, 0.0)  # a drive without lag or limit
     settled = _within(stretch, stretch.time, frequency)
     time = stretch.time[settled]
@@ -305,12 +309,12 @@ def check_sine(stretch: Stretch, frequency: float, response: Response) -> SineCh
 
 
 def _component(time: Array, values: Array, frequency: float, begun: float | None = None) -> complex:
-    """Return amplitude and phase, at ``begun`` or the first time [s], of a sine in values with a linear drift."""
+    """Return a drifting sine's amplitude, and phase at ``begun`` or the start."""
     return _component_with_error(time, values, frequency, float(time[0]) if begun is None else begun)[0]
 
 
 def _component_with_error(time: Array, values: Array, frequency: float, begun: float) -> tuple[complex, float]:
-    """Return amplitude and phase, and the standard error of either part by the noise of the values."""
+    """Return amplitude, phase, and the standard error of either part."""
     turn = 2.0 * math.pi * frequency * (time - begun)
     columns = np.column_stack((np.cos(turn), -np.sin(turn), np.ones_like(time), time - begun))
     found = np.linalg.lstsq(columns, values, rcond=None)[0]
@@ -342,7 +346,7 @@ class Friction(NamedTuple):
 
 
 class Play(NamedTuple):
-    """Play between motor and carriage [m], its standard error, and the force that pushes the carriage [N]."""
+    """Play between motor and carriage [m], its standard error, and pushing force [N]."""
 
     backlash: float
     error: float
@@ -356,14 +360,16 @@ class Unseen(NamedTuple):
 
 
 def force_per_torque(axis: Axis) -> float:
-    """Return the force on the carriage [N] at the motor's rated torque; positive: away from the clamp."""
+    """Return the carriage's force [N] at rated torque, positive from the clamp."""
     return axis.direction * axis.rated_torque * 2.0 * math.pi * axis.gear / axis.lead
 
 
 def coulomb_friction(
     steps: Sequence[Stretch], axis: Axis, *, lag: float, acceleration: float, dead_time: float
 ) -> Friction | Unseen:
-    """Estimate friction from torque at steady speeds both ways: |F| = Coulomb's + viscous |v|, plus a constant load.
+    """Estimate Coulomb's and viscous friction from torque at steady speeds.
+
+    |F| = Coulomb's + viscous |v|, plus a constant load.
 
     Parameters
     ----------
@@ -404,7 +410,7 @@ def coulomb_friction(
 
 
 def play(turns: Stretch, axis: Axis) -> Play | Unseen:
-    """Estimate backlash from slow reversals: while the play is crossed, the torque lacks the carriage's friction.
+    """Estimate backlash from slow reversals, by the torque missing while it is crossed.
 
     All reversals are superposed by the distance since the motor reversed, and one step of torque is fitted. The
     standard error is a jackknife over reversals.
@@ -448,7 +454,7 @@ def _turning(turns: Stretch) -> NDArray[np.int64]:
 
 
 def _leg(turns: Stretch, number: int) -> tuple[Array, Array]:
-    """Return the distance since the motor reversed [m] and the torque there, from where it moves again."""
+    """Return the distance since reversal [m] and torque, from where motion resumes."""
     turning = _turning(turns)
     begin = turns.command_time[turning[number]]
     later = turning[number + 1 :]
@@ -470,7 +476,7 @@ def _leg(turns: Stretch, number: int) -> tuple[Array, Array]:
 
 
 def _step(legs: Sequence[tuple[Array, Array]]) -> tuple[float, float] | None:
-    """Return where torque steps up [m], and by how much, or None if unclear: the split with the least squares."""
+    """Return where torque steps up [m] and by how much, or None."""
     way = np.concatenate([leg[0] for leg in legs])
     torque = np.concatenate([leg[1] for leg in legs])
     order = np.argsort(way, kind="stable")
@@ -492,7 +498,7 @@ def _step(legs: Sequence[tuple[Array, Array]]) -> tuple[float, float] | None:
 
 
 def _spacing(legs: Sequence[tuple[Array, Array]], place: float) -> float:
-    """Return the distance between two samples of one leg, at the step [m]."""
+    """Return the distance between a leg's samples at the step [m]."""
     gaps = []
     for way, _ in legs:
         at = int(np.searchsorted(way, place))

@@ -112,7 +112,7 @@ class Evaluation:
         return said
 
     def to_json(self) -> str:
-        """Return JSON text; units are in the names or beside the numbers."""
+        """Return JSON text with units in names or next to numbers."""
         verdict = self.agreement.verdict
         content: dict[str, Any] = {
             "schema": EVALUATION_SCHEMA,
@@ -182,12 +182,12 @@ def _line(each: Finding) -> str:
 
 
 def rounded_text(value: float) -> str:
-    """Return a number with three digits; a rounding error counts as zero."""
+    """Return a number with three digits, rounding errors as zero."""
     return three_digits(0.0 if abs(value) < _ROUNDING else value)
 
 
 def interval(value: float, low: float, high: float) -> str:
-    """Return a value with its interval, all to the digits of the largest."""
+    """Return a value with interval, to the digits of the largest."""
     largest = max(abs(value), abs(low), abs(high))
     digits = 3 if largest == 0.0 else max(0, 2 - int(np.floor(np.log10(largest))))
     digits = min(digits, 6)
@@ -195,7 +195,7 @@ def interval(value: float, low: float, high: float) -> str:
 
 
 def clock_lines(clock: ClockKept) -> list[str]:
-    """Return lines on the control clock: a histogram of its periods, quantiles, latency."""
+    """Return clock lines: histogram of periods, quantiles, latency."""
     if not len(clock.periods):
         return ["control clock: no period was measured"]
     lines = [
@@ -217,7 +217,7 @@ def _quantiles(spread: Mapping[str, float]) -> str:
 
 
 def bars(clock: ClockKept, most: int = _BARS) -> Sequence[tuple[float, float, int]]:
-    """Return the histogram of the control periods: from [s], to [s], count; bins no finer than a microsecond."""
+    """Return histogram bars of periods, 1 us or wider: from [s], to [s], count."""
     if not len(clock.periods):
         return []
     low, high = float(clock.periods.min()), float(clock.periods.max())
@@ -234,7 +234,7 @@ _FARTHEST = 4.0  # margins beyond which a difference is drawn at the edge
 
 
 def differences_figure(findings: Sequence[Finding], width: float) -> Figure:
-    """Draw every measure's difference with its interval, in margins: the band from -1 to 1 is no difference."""
+    """Draw every measure's difference with interval, in margins from -1 to 1."""
     phone = width < PHONE_WIDTH
     figure = new_figure(width, 1.2 + (0.34 if phone else 0.26) * len(findings))
     axes = figure.subplots()
@@ -265,7 +265,7 @@ def differences_figure(findings: Sequence[Finding], width: float) -> Figure:
 
 
 def typical_pair(agreement: Agreement) -> tuple[int, ComparedCut, list[ComparedCut]] | None:
-    """Return the specimen with the median difference of force: its number, and the cuts; None if none is common."""
+    """Return the specimen of median force difference, with cuts, or None."""
     found = [
         (rmse, place)
         for place, (cut, simulated) in enumerate(zip(agreement.rig, agreement.simulator, strict=True))
@@ -278,7 +278,7 @@ def typical_pair(agreement: Agreement) -> tuple[int, ComparedCut, list[ComparedC
 
 
 def force_figure(cut: ComparedCut, simulated: Sequence[ComparedCut], width: float) -> Figure:
-    """Draw the force along the way on both sides, and below their difference and that of two simulated cuts."""
+    """Draw both sides' force along the way, with the differences below."""
     phone = width < PHONE_WIDTH
     figure = new_figure(width, 5.2 if phone else 4.8)
     panels = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
@@ -306,7 +306,7 @@ def force_figure(cut: ComparedCut, simulated: Sequence[ComparedCut], width: floa
 
 
 def clock_figure(clock: ClockKept, width: float) -> Figure:
-    """Draw histograms of control periods and of the latency from force to command; counts on a logarithmic axis."""
+    """Draw histograms of control periods and latencies, logarithmic in count."""
     phone = width < PHONE_WIDTH
     figure = new_figure(width, 4.8 if phone else 2.9)
     panels = figure.subplots(2, 1) if phone else figure.subplots(1, 2)
@@ -380,7 +380,7 @@ def evaluation_headline(evaluation: Evaluation) -> str:
 
 
 def _shown(found: Finding) -> tuple[str, list[str]]:
-    """Return the unit of a finding and its cells: simulator, rig, differences, margin, noise, answer."""
+    """Return a finding's unit and table cells, from simulator to answer."""
     unit = shown_unit(found.measure.unit)
     simulator, rig, margin, noise = (
         rounded_text(unit.from_si(value)) for value in (found.simulator, found.rig, found.shift.margin, found.noise)
@@ -390,7 +390,7 @@ def _shown(found: Finding) -> tuple[str, list[str]]:
 
 
 def _specimens(evaluation: Evaluation) -> list[tuple[ComparedCut, str, float]]:
-    """Return by specimen the cut on the rig, and of the simulated ones the ends and the mean return."""
+    """Return each specimen's rig cut, and simulated ends and mean return."""
     rows = []
     for cut, simulated in zip(evaluation.agreement.rig, evaluation.agreement.simulator, strict=True):
         ends = ", ".join(dict.fromkeys(each.end for each in simulated))

@@ -57,7 +57,7 @@ class EffectEstimate:
 
     @property
     def needed(self) -> int | None:
-        """Specimens that would probably (80 %) decide if shift and spread stay; None if more than 1000 are needed."""
+        """Specimens needed for a decision with 80 % power; None above 1000."""
         clear = abs(self.margin - abs(self.value))
         error = 0.5 * (self.high - self.low) / 1.96
         if error == 0.0 or clear == 0.0:
@@ -68,7 +68,7 @@ class EffectEstimate:
 
 
 def signed_rank_shift(differences: ArrayLike, margin: float) -> EffectEstimate:
-    """Estimate the typical difference: Hodges-Lehmann (median of the means of pairs) with Wilcoxon's interval.
+    """Estimate the typical difference: Hodges-Lehmann, with Wilcoxon's interval.
 
     Parameters
     ----------
@@ -111,12 +111,12 @@ def signed_rank_shift(differences: ArrayLike, margin: float) -> EffectEstimate:
 
 
 def _rank_sum(walsh: NDArray[np.float64], at: float) -> float:
-    """Return Wilcoxon's sum of the ranks above ``at``: the number of Walsh averages above it."""
+    """Return Wilcoxon's rank sum: how many Walsh averages exceed ``at``."""
     return float(np.sum(walsh > at) + 0.5 * np.sum(walsh == at))
 
 
 def _chances(n: int) -> NDArray[np.float64]:
-    """Return the probability of each sum of ranks 0, 1, ..., n(n+1)/2 if nothing shifts (each rank by a fair coin)."""
+    """Return probabilities of rank sums 0 to n(n+1)/2 without shift."""
     chances = np.ones(1)
     for rank in range(1, n + 1):
         longer = np.zeros(len(chances) + rank)
@@ -127,7 +127,7 @@ def _chances(n: int) -> NDArray[np.float64]:
 
 
 def _tail(n: int) -> Callable[[float], float]:
-    """Return the function that gives the probability of a sum of ranks at least as large."""
+    """Return the tail probability function of rank sums."""
     chances = _chances(n)
 
     def at_least(rank_sum: float) -> float:
@@ -137,7 +137,7 @@ def _tail(n: int) -> Callable[[float], float]:
 
 
 def mean_shift(value: float, error: float, degrees: float, margin: float, number: int) -> EffectEstimate:
-    """Build a shift from a mean with its standard error: t interval, and t tests of both hypotheses."""
+    """Build a shift with t interval and t tests from a mean."""
     reach = float(student.ppf(1.0 - 0.5 * _ALPHA, degrees)) * error
     above = [float(student.sf(_over(sign * value + margin, error), degrees)) for sign in (1.0, -1.0)]
     beyond = [float(student.sf(_over(sign * value - margin, error), degrees)) for sign in (1.0, -1.0)]
@@ -152,9 +152,10 @@ def _over(excess: float, error: float) -> float:
 
 
 def holm(chances: Sequence[float]) -> list[float]:
-    """Adjust P values of several hypotheses so that the chance of any false rejection below 0.05 is at most 5 %.
+    """Adjust P values of several hypotheses by Holm's method.
 
-    Source: Holm, Scandinavian Journal of Statistics 6 (1979) 65-70; valid for dependent measures.
+    The chance of any false rejection below 0.05 is then at most 5 %.  Source: Holm, Scandinavian Journal of Statistics
+    6 (1979) 65-70; valid for dependent measures.
     """
     adjusted = [1.0] * len(chances)
     so_far = 0.0
@@ -268,7 +269,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 class Agreement:
-    """Comparison of the same policy on the same specimens, on a rig and in the simulator.
+    """Comparison of a policy's cuts on rig and in simulator.
 
     Parameters
     ----------
@@ -349,7 +350,7 @@ class Agreement:
 
     @property
     def too_few(self) -> bool:
-        """True if not even an equal difference at every specimen would be significant among so many measures."""
+        """True if the specimens cannot make any measure's difference significant."""
         return self.paired and 2.0 * 0.5 ** len(self.rig) * len(self.findings) >= ALPHA
 
     @functools.cached_property
@@ -405,7 +406,7 @@ class Agreement:
 
 
 def _values(measure: Measure, cuts: Sequence[ComparedCut]) -> NDArray[np.float64]:
-    """Return a measure of each simulated cut of a specimen, given the others; cuts without a value are left out."""
+    """Return a measure of a specimen's simulated cuts, where defined."""
     found = [measure.value(cut, [other for other in cuts if other is not cut]) for cut in cuts]
     return np.array([value for value in found if value is not None])
 
@@ -413,7 +414,7 @@ def _values(measure: Measure, cuts: Sequence[ComparedCut]) -> NDArray[np.float64
 def _margin(
     measure: Measure, simulated: Sequence[NDArray[np.float64]], cuts: Sequence[Sequence[ComparedCut]]
 ) -> tuple[float, float]:
-    """Return the effect of noise alone on a single cut, and the margin."""
+    """Return noise's effect on a single cut, and the margin."""
     noise = math.sqrt(2.0 * float(np.mean([values.var(ddof=1) for values in simulated])))
     level = abs(float(np.mean([values.mean() for values in simulated])))
     relative = 0.0 if measure.share or measure.paired else RELATIVE * level

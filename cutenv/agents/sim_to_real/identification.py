@@ -101,7 +101,7 @@ class Plan:
 
     @classmethod
     def within(cls, settings: RigSettings, position: float) -> Plan:
-        """Return the plan for a blade at ``position`` [m], with the nearest start that its travel allows.
+        """Return the plan at the nearest start that travel allows.
 
         Raises
         ------
@@ -208,12 +208,12 @@ class Identification:
         return next(each for each in self.estimates if each.name == name)
 
     def identified(self, before: Identified, today: date) -> Identified:
-        """Return the section for the rig's file: measured values, rounded, and for the rest those known ``before``."""
+        """Return the rig file's section, measured or known from ``before``."""
         found = {each.name: each.rounded for each in self.estimates if each.value is not None}
         return replace(before, date=today.isoformat(), **found)
 
     def table(self, before: Identified) -> list[str]:
-        """Return a table as lines: measured values with standard errors, beside the file's and the simulator's."""
+        """Return table lines of measured values, the file's and the simulator's."""
         simulated = {row["name"]: row["default"] for row in parameter_table(Rig, SensorParameters)}
         rows = [("constant", "measured", "std error", "file", "simulator", "how")]
         for key in IDENTIFIED.keys:
@@ -233,12 +233,12 @@ class Identification:
         return aligned(rows)
 
     def drawn_steps(self) -> list[tuple[str, Array, Array, Array]]:
-        """Return name, time [s], measured and modelled position [m] of each step, both from 0 on, for a figure."""
+        """Return each step's name, time [s], measured and modelled position [m]."""
         names = [f"{1e3 * each.command[np.abs(each.command).argmax()]:+.3g} mm/s" for each in self.steps]
         return self._drawn(names, self.steps)
 
     def drawn_sines(self) -> list[tuple[str, Array, Array, Array]]:
-        """Return name, time [s], measured and modelled position [m] of each sine, for a figure."""
+        """Return each sine's name, time [s], measured and modelled position [m]."""
         return self._drawn([f"{sine.frequency:g} Hz" for sine in self.plan.sines], self.sines)
 
     def _drawn(self, names: Iterable[str], stretches: Iterable[Stretch]) -> list[tuple[str, Array, Array, Array]]:
@@ -251,7 +251,7 @@ class Identification:
         return drawn
 
     def sine_table(self) -> list[str]:
-        """Return a table as lines: gain and phase of each sine, and the fitted model's errors."""
+        """Return a table of sines' gains, phases and model errors."""
         rows = [("sine [Hz]", "gain", "phase [deg]", "gain error [%]", "phase error [deg]", "verdict")]
         for each in self.checks:
             phases = [f"{math.degrees(each.phase):.1f}", f"{math.degrees(each.phase_error):+.1f}"]
@@ -373,7 +373,7 @@ def perform(
 
 
 def _measure(moves: _Moves, plan: Plan, done: dict[str, list[Any]], tell: Callable[[str], None]) -> bool:
-    """Make the moves that are not yet ``done``; return whether any command was reduced to a limit."""
+    """Make missing moves; return True if a command was limited."""
     tell(f"move to {1e3 * plan.start:.1f} mm")
     moves.begin(plan.start)
     steps = [(sign * speed, hold) for speed, hold in zip(plan.speeds, plan.step_hold, strict=True) for sign in (1, -1)]
@@ -411,7 +411,7 @@ class _Moves:
         self._limited = 0
 
     def begin(self, start: float) -> None:
-        """Go to where the experiment starts [m]; commands that are reduced count from here on."""
+        """Go to the experiment's start [m], and start counting limited commands."""
         self._plant.travel(start, speed=APPROACH)
         self._limited = self._plant.supervisor.limited
         self._plant.begin()
@@ -438,7 +438,7 @@ class _Moves:
         return self._recorder.stretch(start, self._plant.clock.now())
 
     def rest(self, duration: float) -> tuple[float, float]:
-        """Stand still for ``duration`` [s]; return start and end on the clock [s]."""
+        """Stand still for ``duration`` [s]; return start and end [s]."""
         self._hold(0.0, _PAUSE)
         start = self._plant.clock.now()
         while self._plant.clock.now() < start + duration:
@@ -446,7 +446,7 @@ class _Moves:
         return start, self._plant.clock.now()
 
     def step(self, speed: float, hold: float) -> Stretch:
-        """Move from rest to ``speed`` [m/s], and to rest again, each held for ``hold`` [s]."""
+        """Move at ``speed`` [m/s] from and to rest, each ``hold`` [s]."""
 
         def moves() -> None:
             self._hold(speed, hold)
@@ -465,7 +465,7 @@ class _Moves:
         return self._recorded(moves)
 
     def sine(self, speed: Callable[[float], float], duration: float) -> Stretch:
-        """Move at a speed [m/s] given as a function of time [s]."""
+        """Move at a speed [m/s], a function of time [s]."""
 
         def moves() -> None:
             begun = self._plant.clock.now()

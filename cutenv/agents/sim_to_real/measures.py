@@ -26,7 +26,7 @@ FORCE_RESOLUTION = 0.05
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ComparedCut:
-    """One cut, on the rig or in the simulator, assessed in the same way.
+    """One cut, assessed alike on the rig and in the simulator.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class ComparedCut:
 
     @functools.cached_property
     def displaced(self) -> ScoreCard:
-        """Score card that the record would have if the sensor's zero were off by its resolution."""
+        """Score card with the sensor's zero off by its resolution."""
         return score(dataclasses.replace(self.trace, force=self.trace.force + FORCE_RESOLUTION))
 
     def __post_init__(self) -> None:
@@ -65,7 +65,7 @@ _TIME_STEP = 0.005  # [s], interval of a rig's positions
 
 
 def force_over_position(trace: Trace) -> tuple[Array, Array]:
-    """Return the force where the blade first reached each position, up to its first retreat.
+    """Return the force by position up to the blade's first retreat.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def force_over_position(trace: Trace) -> tuple[Array, Array]:
 
 
 def force_difference(first: Trace, second: Trace, *, displaced: float = 0.0) -> Array | None:
-    """Return first minus second force at equal positions of the blade, up to the first retreat of either.
+    """Return the force difference at equal positions up to a retreat.
 
     Parameters
     ----------
@@ -124,13 +124,13 @@ def force_rmse(first: Trace, second: Trace, *, displaced: float = 0.0) -> float 
 
 
 def force_offset(first: Trace, second: Trace) -> float | None:
-    """Return the absolute mean of :func:`force_difference`: it shows a drifting zero; crack runs cancel out."""
+    """Return :func:`force_difference`'s absolute mean, which shows zero drift."""
     difference = force_difference(first, second)
     return None if difference is None else abs(float(difference.mean()))
 
 
 def position_rmse(first: Trace, second: Trace) -> float | None:
-    """Return the root mean square difference of position at equal times since the start [m].
+    """Return the root mean square position difference at equal times [m].
 
     Returns
     -------
@@ -141,7 +141,7 @@ def position_rmse(first: Trace, second: Trace) -> float | None:
 
 
 def height_rmse(first: Trace, second: Trace) -> float | None:
-    """Return the root mean square difference of height at equal times since the start [m].
+    """Return the root mean square height difference at equal times [m].
 
     Returns
     -------
@@ -154,7 +154,7 @@ def height_rmse(first: Trace, second: Trace) -> float | None:
 
 
 def place_rmse(first: Trace, second: Trace) -> float | None:
-    """Return the root mean square distance between two blades in the plane at equal times since the start [m].
+    """Return the blades' root mean square distance at equal times [m].
 
     Returns
     -------
@@ -189,7 +189,7 @@ caliper and a time grid of SYNCs are not known better."""
 
 @dataclass(frozen=True, kw_only=True)
 class Measure:
-    """One number of a cut that is compared between rig and simulator.
+    """Number of a cut compared between rig and simulator.
 
     Attributes
     ----------
@@ -241,7 +241,7 @@ def _metric(name: str) -> Measure:
         return cut.card.metrics[name].value
 
     def harmless(cut: ComparedCut) -> float | None:
-        """Return the change of the metric caused by a zero that is off by the sensor's resolution."""
+        """Return the metric's change if the zero is off by one resolution."""
         own, displaced = cut.card.metrics[name].value, cut.displaced.metrics[name].value
         return None if own is None or displaced is None else abs(displaced - own)
 
@@ -415,7 +415,10 @@ class ClockKept:
         return float(np.sqrt(np.mean((self.periods - self.nominal) ** 2))) if len(self.periods) else 0.0
 
     def spread(self, name: str) -> dict[str, float]:
-        """Return the quantiles p50, p99, p99.9 and maximum of "periods" or "latencies" [s]; empty without any."""
+        """Return quantiles p50, p99, p99.9 and maximum [s], if any.
+
+        ``name`` is "periods" or "latencies".
+        """
         values: Array = getattr(self, name)
         if not len(values):
             return {}
@@ -423,7 +426,7 @@ class ClockKept:
         return {**found, "max": float(values.max())}
 
     def to_dict(self) -> dict[str, object]:
-        """Return a JSON-serialisable summary, units in the names, without the single values."""
+        """Return a JSON-serialisable summary, with units in the names."""
         kept = {key: getattr(self, key) for key in ("overruns", "garbled")}
         return {
             "nominal_period_s": self.nominal,

@@ -69,13 +69,13 @@ class PairedCuts:
 
     @property
     def agreement(self) -> Agreement:
-        """Return the agreement over the specimens that were cut on both sides."""
+        """Return the agreement over specimens cut on both sides."""
         simulator = self.simulator[: len(self.rig)] if self.paired else self.simulator
         return Agreement(self.rig, simulator, paired=self.paired, twins=self.twins)
 
 
 def simulator_like(rig: RigCutEnv, **arguments: Any) -> GentleCutEnv:
-    """Make the simulator's environment for comparison with a rig: rewards from estimates, the rig's constants.
+    """Make the simulator's environment with a rig's constants and estimates.
 
     Parameters
     ----------
@@ -173,9 +173,9 @@ def simulate_cuts(
     specimen: Specimen | None = None,
     progress: ProgressCallback | None = None,
 ) -> list[list[ComparedCut]]:
-    """Cut every specimen ``draws`` times, each with another draw of the sensor's noise; return the cuts by specimen.
+    """Cut every specimen ``draws`` times with varied sensor noise.
 
-    With a ``specimen`` all of them are that one.
+    Return the cuts by specimen.  With a ``specimen`` all of them are that one.
     """
     cuts = []
     for episode in range(specimens):
@@ -195,7 +195,7 @@ def cut_twins(
     draws: int = DRAWS,
     progress: ProgressCallback | None = None,
 ) -> tuple[list[ComparedCut], list[list[ComparedCut]], list[str]]:
-    """Let a policy cut the twin of each specimen that a rig has cut, and keep of both sides what was held out.
+    """Let a policy cut twins of rig specimens, keeping the held-out parts.
 
     Parameters
     ----------
@@ -329,7 +329,7 @@ def _stopped_by(env: RigCutEnv) -> Cause | None:
 
 
 def _time_was_lost(env: RigCutEnv) -> bool:
-    """Return whether the rig is stopped for a reason that concerns computers, not the cut."""
+    """Return True if the rig was stopped by computers, not cutting."""
     supervisor = env.session.plant.supervisor
     report = supervisor.report
     if supervisor.phase != "stopped" or report is None:
@@ -349,7 +349,7 @@ def paired_experiment(
     unknown: bool | None = None,
     progress: ProgressCallback | None = None,
 ) -> PairedCuts:
-    """Let a policy cut the same specimens in the simulator and on a rig.
+    """Let a policy cut equal specimens in simulator and on rig.
 
     Specimens that nobody has drawn are made equal by their twins, which are fitted to the first half of each record;
     the second halves are compared. Tasks with a third axis have no twins: then the two sides are two samples.
@@ -390,7 +390,7 @@ def paired_experiment(
 
 
 def save_records(folder: Path, cuts: Sequence[Sequence[ComparedCut]], about: Mapping[str, Any]) -> list[Path]:
-    """Write simulated cuts as records ``EPISODE-DRAW.csv``, in a rig's form, each with ``about``; return paths."""
+    """Write simulated cuts as rig records ``EPISODE-DRAW.csv``; return paths."""
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
     for episode, draws in enumerate(cuts):

@@ -1,4 +1,4 @@
-"""Two policies on a rig, pair by pair until it is decided.
+"""Sequential comparison of two policies on a rig, by pairs.
 
 Every cut is kept at once, and the rest can follow any day. The two cuts of a pair are made in a random order, from a
 seed that is kept. An imitated rig lays the same specimen for both. A lab cuts side by side in one liver (``apart``):
@@ -86,13 +86,13 @@ class OpenedPolicy(ArrayPolicy):
         self._feed.forget(cuts)
 
     def act(self, observations: Array32) -> Array32:
-        """Return the feed's action up to the handover of each cut, and the policy's beyond."""
+        """Return the feed's action before each handover, then the policy's."""
         self._opening &= in_si(observations)[:, POSITION_COLUMN] < self._length
         return choose(self._opening, self._feed.act(observations), self._policy.act(observations))
 
 
 def opening_of(trace: Trace, length: float) -> Trace:
-    """Return the part of a record before the blade first comes to ``length`` [m].
+    """Return the record before the blade first reaches ``length`` [m].
 
     Raises
     ------
@@ -108,7 +108,7 @@ def opening_of(trace: Trace, length: float) -> Trace:
 def specimens_like(
     env: GentleCutEnv, opening: Trace, *, depth: Array, seed: int, episode: int, draws: int
 ) -> list[Specimen]:
-    """Return specimens as the twin of an opening has them, each with other tissue beyond it.
+    """Return specimens like an opening's twin, with varied tissue beyond.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def forecast(
     episode: int,
     value: Callable[[ComparedCut], Array],
 ) -> Array:
-    """Return what each policy achieves in specimens on average, each with other noise.
+    """Return policies' mean results in specimens with varied noise.
 
     Parameters
     ----------
@@ -248,12 +248,12 @@ class KeptCuts:
 
     @property
     def open_pair(self) -> int | None:
-        """Pair of which only one cut is there, None if there is none."""
+        """Pair with only one cut so far, or None."""
         pairs = {cut["pair"] for cut in self.cuts} - {*self.missing}
         return next((pair for pair in sorted(pairs) if len(self.of(pair)) == 1), None)
 
     def whole(self) -> list[tuple[dict[str, Any], dict[str, Any]]]:
-        """Return the whole pairs in order, each as the first policy's cut and the second's."""
+        """Return whole pairs in order: first policy's cut, second's."""
         pairs = sorted({cut["pair"] for cut in self.cuts} - {*self.missing})
         found = [sorted(self.of(pair).values(), key=lambda cut: int(cut["policy"])) for pair in pairs]
         return [(both[0], both[1]) for both in found if len(both) == 2]
@@ -261,7 +261,7 @@ class KeptCuts:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RigComparison:
-    """Two policies that are compared on a rig until it is decided.
+    """Comparison of two policies on a rig until decided.
 
     Attributes
     ----------
@@ -369,7 +369,7 @@ class RigComparison:
         }
 
     def _foretold(self, cut: ComparedCut, episode: int, length: float) -> list[float] | None:
-        """Return what the twin of the place says of either policy on average; None without one."""
+        """Return the twin's mean forecast of either policy, or None."""
         if self.opening is None:
             return None
         key: dict[str, Any] = {"depth": np.array(self.rig.cutting.plant.depth), "seed": self.seed, "episode": episode}
@@ -383,7 +383,7 @@ class RigComparison:
         return [float(each) for each in found.mean(axis=0)]
 
     def differences(self, kept: KeptCuts, *, correct: bool = True) -> tuple[Array, Array]:
-        """Return first minus second of every whole pair, of the return and of success, and their room, (2, n) each."""
+        """Return pairs' differences of return and success, and room, (2, n)."""
         pairs = kept.whole()
         raw = np.array([[a["clipped"] - b["clipped"], a["success"] - b["success"]] for a, b in pairs]).reshape(-1, 2).T
         if self.opening is None or not correct:
@@ -439,7 +439,7 @@ class RigComparison:
         return row | {f"{name}_difference": float(counted[k]) for k, name in enumerate(OUTCOMES)}
 
     def pilot(self, pairs: int, progress: Callable[[int], object] = lambda pairs: None) -> Array:
-        """Return differences of simulated pairs as they would be cut, shape (2, n), without the twins' correction."""
+        """Return simulated pairs' differences, (2, n), without the twins' correction."""
         found = []
         for pair in range(pairs):
             key: dict[str, Any] = {"seed": self.seed, "target_length": self.length(pair)}

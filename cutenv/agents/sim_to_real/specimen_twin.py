@@ -69,7 +69,7 @@ class SpecimenTwin:
     spread: Array
 
     def drawn(self, rng: np.random.Generator, measured: Array | None = None) -> Specimen:
-        """Return a specimen as the record allows: what it leaves open, and the tissue beyond, is drawn.
+        """Return a specimen that agrees with the record, the rest drawn.
 
         Parameters
         ----------
@@ -91,7 +91,7 @@ class SpecimenTwin:
 
 @dataclass(frozen=True, eq=False)
 class _Fields:
-    """Gaussian field of unit variance along a specimen, split at the end of the fitted part."""
+    """Unit Gaussian field, split at the fitted part's end."""
 
     modes: Array
     """Modes that the fitted part tells of, shape (301, modes)."""
@@ -115,7 +115,7 @@ def _fields(correlation_length: float, points: int) -> _Fields:
 def _specimen(
     numbers: Array, modes: Array, tissue: TissueDescription, depth: Array, further: list[Array] | None = None
 ) -> Specimen:
-    """Return the specimen of fitted numbers: levels of modulus and resistance, friction, inclined ratio, two fields."""
+    """Return the specimen of fitted levels, friction, ratio and fields."""
     field = numbers[4:].reshape(2, -1) @ modes.T
     if further is not None:
         field = field + np.array(further)
@@ -142,7 +142,7 @@ def fit_twin(
     force_delay: float = 0.0,
     share: float = SHARE,
 ) -> SpecimenTwin:
-    """Fit a specimen to the first half of a record, or to another ``share`` of the blade's way.
+    """Fit a specimen to the first half, or ``share``, of a record.
 
     The blade is led along the recorded positions and angles, without drive and sensor; modulus, fracture resistance
     and friction are those that give the recorded force best, weighed against the spread of the tissue.
@@ -187,7 +187,7 @@ def fit_twin(
     new = np.flatnonzero(np.diff(ahead, prepend=-1.0) > 0.0)
 
     def binned(values: Array) -> Array:
-        """Return mean and spread in windows: a run of the crack that comes sooner or later changes neither much."""
+        """Return windowed mean and spread, robust to timing of runs."""
         found = []
         for window in windows:
             count = np.maximum(np.bincount(window[new]), 1)
@@ -254,7 +254,7 @@ _MOST_STEPS, _LARGEST = 12, 5.0
 
 
 def held_out(trace: Trace, until: float) -> Trace:
-    """Return the part of a record after the blade first came to ``until`` [m]."""
+    """Return the record after the blade first reached ``until`` [m]."""
     (position,) = trace.require("position", by="held_out")
     first = int(np.argmax(position >= until)) if bool((position >= until).any()) else len(position) - 2
     return trace.select(slice(min(first, len(position) - 2), None))
