@@ -41,7 +41,7 @@ def _object_at(place: str) -> Any:
 
 
 def compiled_for(decorate: Callable[[Any], Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Return a decorator of a function that makes a kernel from a declaration.
+    """Decorate a function that makes a kernel from a declaration.
 
     The decorated function makes each kernel once, when it is first asked for, and compiles it by ``decorate``, one of
     those of :mod:`cutenv._engine.jit`.  A kernel is kept on disk under module and name of its declaration.
@@ -136,7 +136,7 @@ def _lambdas(file: str) -> list[ast.Lambda]:
 
 
 def _lambda(formula: Formula) -> ast.Lambda:
-    """Find the syntax tree of a lambda in its file: the one on its line that compiles to the same code."""
+    """Find a lambda's syntax tree by line and compiled code."""
     code = formula.__code__
     for node in _lambdas(code.co_filename):
         if node.lineno == code.co_firstlineno and _same(node, code):

@@ -41,9 +41,10 @@ _L3, _L5, _L7, _L9, _L11, _L13, _L15, _L17, _L19, _L21 = (2.0 / n for n in range
 
 @njit_inline
 def _reduced(x: float) -> tuple[float, int]:
-    """Return E and n with exp(x) = 2^n (1 + E) and |E| < 0.42, for ``x`` between -746 and 710.
+    """Return E, n with exp(x) = 2^n (1 + E).
 
-    Taylor series up to half of ln 2, where the omitted terms are below 4e-18.
+    |E| is below 0.42, for ``x`` between -746 and 710.  Taylor series up to half of ln 2, where the omitted terms are
+    below 4e-18.
     """
     rounded = x * _PER_LN2 + _ROUNDING
     n = bits_of(rounded) - _ROUNDING_BITS
@@ -57,7 +58,7 @@ def _reduced(x: float) -> tuple[float, int]:
 
 @njit_inline
 def exp(x: float) -> float:
-    """Compute the exponential function, within 1 unit in the last place; infinite above 709.78, 0 below -745.13."""
+    """Compute exp(x) within 1 ulp; infinite above 709.78, 0 below -745.13."""
     within = x if x < _HIGHEST else _HIGHEST
     within = within if within > _LOWEST else _LOWEST
     excess, n = _reduced(within)
@@ -111,7 +112,7 @@ _C4, _C6, _C8, _C10, _C12, _C14, _C16 = ((-1.0) ** (n // 2) / math.factorial(n) 
 
 @njit_inline
 def _sine_and_cosine_near_0(v: Angle) -> tuple[Angle, Angle]:
-    """Compute sine and cosine by Taylor series, up to 45 degrees, where the omitted terms are below 1e-16."""
+    """Compute Taylor sine and cosine up to 45 degrees, within 1e-16."""
     z = v * v
     s = v + v * z * (_S3 + z * (_S5 + z * (_S7 + z * (_S9 + z * (_S11 + z * (_S13 + z * _S15))))))
     c = 1.0 - 0.5 * z + z * z * (_C4 + z * (_C6 + z * (_C8 + z * (_C10 + z * (_C12 + z * (_C14 + z * _C16))))))
@@ -120,7 +121,7 @@ def _sine_and_cosine_near_0(v: Angle) -> tuple[Angle, Angle]:
 
 @njit_inline
 def cotangent(angle: float) -> float:
-    """Compute the cotangent of ``angle`` [rad], -45 to 225 degrees, within 3 units in the last place."""
+    """Compute the cotangent [rad], -45 to 225 degrees, within 3 ulp."""
     from_upright = (_HALF - angle) + _REST
     beyond = from_upright < 0.0
     from_flat = (2.0 * _HALF - angle) + 2.0 * _REST if beyond else angle
@@ -135,7 +136,7 @@ _HALF_HIGH, _HALF_LOW = float.fromhex("0x1.921fb544p+0"), float.fromhex("0x1.0b4
 
 
 def sine_and_cosine(angle: Angle) -> tuple[Angle, Angle]:
-    """Compute sine and cosine of a number or of an array [rad], within 3e-16 up to 1000 rad.
+    """Compute sine and cosine [rad], within 3e-16 up to 1000.
 
     NumPy, too, rounds sums and products alike everywhere; its own sine it does not.
     """
@@ -147,7 +148,7 @@ def sine_and_cosine(angle: Angle) -> tuple[Angle, Angle]:
 
 
 def arctangent(tangent: Array) -> Array:
-    """Compute the angle of tangents [rad], within 4e-16, in the same way as :func:`sine_and_cosine`.
+    """Compute the arctangent [rad], within 4e-16.
 
     Halved twice it is below 23 degrees, where five terms of its Taylor series are right within 1e-5; one step of
     Halley's method corrects them.

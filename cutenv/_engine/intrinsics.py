@@ -25,27 +25,28 @@ def bits_of(number: float) -> int:
 
 
 def float_of(bits: int) -> float:
-    """Return the float whose 64 bits are given as a signed integer."""
+    """Return the float of a signed integer's 64 bits."""
     return float(struct.unpack("<d", struct.pack("<q", bits))[0])
 
 
 def prefetch(array: Any, i: Any) -> None:
-    """Prefetch element ``i`` of a flat array into the first-level cache, without waiting for it.
+    """Prefetch element ``i`` into the first-level cache, without waiting.
 
     A no-op in plain Python.
     """
 
 
 def first_row(rows: Any) -> Any:
-    """Return the first record of an array of rows, so that kernels compile fast; its indices must not be negative.
+    """Return the first record of rows, which compiles fast.
 
-    It does not keep the array in memory: a kernel that made the array ends with :func:`keep_alive`.
+    Its indices must not be negative.  It does not keep the array in memory: a kernel that made the array ends with
+    :func:`keep_alive`.
     """
     return rows[0]
 
 
 def keep_alive(array: Any) -> None:
-    """Keep an array in memory until here: Numba frees one that a kernel has made after its last use.
+    """Keep an array until here, despite Numba's early freeing.
 
     A view without reference counting, such as that of :func:`first_row`, is no use of it.
     A no-op in plain Python.
@@ -63,7 +64,7 @@ def without_refcount(arrays: Arrays) -> Arrays:
 
 
 def as_float64_view(records: Any) -> Any:
-    """View a structured array whose fields are all 8 bytes wide as flat float64, shape (size,), in the same memory.
+    """View 8-byte fields as flat float64, (size,), without copying.
 
     Replaces ``view`` in kernels, which takes a fifth of a second to compile.
     """
@@ -71,7 +72,7 @@ def as_float64_view(records: Any) -> Any:
 
 
 def atomic_add(counters: Any, row: Any, which: Any, size: Any) -> Any:
-    """Add ``size`` atomically to one counter of a row (acquire-release) and return its value before."""
+    """Add ``size`` atomically; return the previous value (acquire-release)."""
     with _plain:
         before = int(counters[row, which])
         counters[row, which] += size
@@ -79,5 +80,5 @@ def atomic_add(counters: Any, row: Any, which: Any, size: Any) -> Any:
 
 
 def atomic_load(counters: Any, row: Any, which: Any) -> Any:
-    """Load one counter of a row atomically (acquire): what was written before it was raised is visible too."""
+    """Load one counter of a row atomically (acquire)."""
     return int(counters[row, which])

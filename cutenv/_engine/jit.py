@@ -36,7 +36,7 @@ _unregistered: list[Callable[[], object]] = []  # calls that register functions 
 
 
 def sources(module: str, package: Path = _PACKAGE) -> set[Path]:
-    """Return the files of a module and of all that it imports from the package: constants of any may be compiled in."""
+    """Return files of a module and all its imports in the package."""
     found: set[Path] = set()
     waiting = set(_files(module, package))
     while waiting:
@@ -46,7 +46,7 @@ def sources(module: str, package: Path = _PACKAGE) -> set[Path]:
 
 
 def _files(name: str, package: Path) -> list[Path]:
-    """Return the file of a module, or of something in it, and those of the packages that hold it: they are run, too."""
+    """Return a module's file and its packages' files, also run."""
     root, *parts = name.split(".")
     if root != package.name:  # a task that somebody declares elsewhere
         file = getattr(sys.modules.get(name), "__file__", None)
@@ -58,7 +58,7 @@ def _files(name: str, package: Path) -> list[Path]:
 
 @cache
 def _imports(path: Path, package: Path) -> set[Path]:
-    """Return the files that a file imports, anywhere in it, or names in quotes, to be imported when they are used."""
+    """Return files that a file imports, or names in quotes."""
     text, root = path.read_text(encoding="utf-8"), package.name
     modules = set(re.findall(rf'"({root}\.[\w.]+)"', text))
     for line in re.finditer(rf"^ *(?:from|import) ({root}\b[\w.]*)(?: import (\([^)]*\)|.*))?", text, re.MULTILINE):
@@ -67,7 +67,7 @@ def _imports(path: Path, package: Path) -> set[Path]:
 
 
 def source_digest(module: str, package: Path = _PACKAGE) -> str:
-    """Return a digest of the present source of a module and of all that it imports from the package."""
+    """Return a source digest of a module and its imports."""
     content = hashlib.sha256()
     for path in sorted(sources(module, package)):
         content.update(_content(path))
@@ -81,7 +81,7 @@ def _content(path: Path) -> bytes:
 
 @cache
 def kernel_folder(module: str, package: Path = _PACKAGE, maker: str | None = None) -> Path | None:
-    """Return the folder of the compiled kernels of a module as it is; None where nothing can be written.
+    """Return a module's folder of compiled kernels, or None if unwritable.
 
     ``maker`` is the module that makes kernels for declarations of the other one: their code depends on both.
 
@@ -109,13 +109,13 @@ def kernel_folder(module: str, package: Path = _PACKAGE, maker: str | None = Non
 
 
 def _places(package: Path) -> list[Path]:
-    """Return the folders in which compiled kernels of a package may be, that of ``NUMBA_CACHE_DIR`` first."""
+    """Return folders of compiled kernels, ``NUMBA_CACHE_DIR`` first."""
     given = os.environ.get("NUMBA_CACHE_DIR")
     return [*([Path(given) / package.name] if given else []), package / "__pycache__", *_user_caches(package.name)]
 
 
 def remove_kernels(package: Path = _PACKAGE) -> list[Path]:
-    """Remove every compiled kernel of this machine, and the folders that are empty then; return where there were any.
+    """Remove this machine's compiled kernels; return where they were.
 
     Raises
     ------
@@ -132,7 +132,7 @@ def remove_kernels(package: Path = _PACKAGE) -> list[Path]:
 
 
 def _user_caches(name: str) -> list[Path]:
-    """Return the folder of a package in the user's cache; none for a user without a home, as in a container."""
+    """Return the user's cache folder of a package, if any."""
     try:
         return [Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / name]
     except RuntimeError:
@@ -148,7 +148,7 @@ def njit(function: Function) -> Function:
 
 
 def njit_nogil(function: Function) -> Function:
-    """Compile like :func:`njit`, but release the GIL while it runs: for kernels of :mod:`cutenv._engine.parallel`."""
+    """Compile like :func:`njit`, releasing the GIL for :mod:`cutenv._engine.parallel`."""
     return _compile(function, nogil=True)
 
 
@@ -178,9 +178,9 @@ def njit_fused(function: Function) -> Function:
 
 
 def warn_before_first_compile(*kernels: Callable[..., Any]) -> None:
-    """Print on stderr, once, that the first use compiles for some seconds, if one of ``kernels`` is not on disk.
+    """Announce, once, seconds of compiling, if ``kernels`` are not stored.
 
-    A line before it tells of a Numba with which this package was not tested, and is slower.
+    The line goes to stderr.  A line before it tells of a Numba with which this package was not tested, and is slower.
     """
     if os.environ.get("NUMBA_DISABLE_JIT"):
         return
@@ -210,7 +210,7 @@ def _print_once(notice: str) -> None:
 
 
 def _is_compiled(kernel: Any) -> bool:
-    """Return True if a kernel is on disk, or has no source there to be kept with."""
+    """Return True if a kernel is stored, or cannot be."""
     if isinstance(kernel, native.Kernel) and kernel.is_built:
         return True
     folder = _folder_of(kernel)
@@ -250,14 +250,14 @@ def _compile(function: Function, **options: Any) -> Function:
 
 @cache
 def _compiler() -> ModuleType:
-    """Return the module that compiles. Numba is imported here, and nowhere before."""
+    """Import and return the module that compiles, with Numba."""
     with extra_named():
         from cutenv._engine import lowering, shortcuts  # noqa: F401 - the lowering of rows is registered
     return shortcuts
 
 
 def _register_all() -> None:
-    """Register with Numba the functions that were decorated while nothing had to be compiled."""
+    """Register with Numba all functions decorated before compiling."""
     waiting = _unregistered.copy()
     _unregistered.clear()
     for register in waiting:

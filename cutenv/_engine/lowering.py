@@ -1,4 +1,4 @@
-"""Lowering of intrinsics and of rows, as Numba types and compiles them.
+"""Numba typing and lowering of intrinsics and rows.
 
 Imported where something is compiled, and only there. The intrinsics are those of :mod:`cutenv._engine.intrinsics`; rows
 are records whose fields are short arrays, one element for each lane.
@@ -50,7 +50,7 @@ def type_callable(function: Callable[..., Any]) -> Callable[[Function], Function
 
 
 def lower_builtin(function: Callable[..., Any], *kinds: Any) -> Callable[[Function], Function]:
-    """Register an LLVM lowering for ``function`` (typed `lower_builtin`): faster to compile than `@overload`."""
+    """Register LLVM lowering for ``function``, faster than `@overload`."""
     return cast(Callable[[Function], Function], _lower(function, *kinds))
 
 

@@ -22,7 +22,7 @@ _PACKAGE = Path(__file__).parents[1]
 
 
 def digest_of(files: Iterable[str], package: Path = _PACKAGE) -> str:
-    """Return a digest of source files, whose names are relative to the package; empty if one is missing."""
+    """Return a digest of package files; empty if one is missing."""
     content = hashlib.sha256()
     for name in files:
         try:
@@ -34,7 +34,7 @@ def digest_of(files: Iterable[str], package: Path = _PACKAGE) -> str:
 
 
 def memory_of(dtype: np.dtype[Any]) -> str:
-    """Return names, places and kinds of all that a dtype holds, equal for dtypes of the same memory."""
+    """Describe a dtype's memory: names, offsets and kinds."""
     if dtype.subdtype is not None:
         base, shape = dtype.subdtype
         return f"{memory_of(base)}{list(shape)}"
@@ -46,7 +46,7 @@ def memory_of(dtype: np.dtype[Any]) -> str:
 
 
 def _loaded() -> Any:
-    """Return the library, if it is there and was built from this source."""
+    """Return the library if present and built from this source."""
     if os.environ.get("NUMBA_DISABLE_JIT") or os.environ.get("CUTENV_COMPILE"):
         return None
     try:
@@ -68,12 +68,12 @@ _modules = {name.partition(":")[0] for name in _built}
 
 
 def covers(function: Callable[..., Any]) -> bool:
-    """Return True if a function of this package need not be compiled before it is called, for there is a library."""
+    """Return True if the library has compiled a function of this package."""
     return LIBRARY is not None and function.__module__.partition(".")[0] == _PACKAGE.name
 
 
 class Kernel:
-    """Kernel that the library has, or that Numba compiles when it is first called.
+    """Kernel from the library, or compiled by Numba when called.
 
     Parameters
     ----------
@@ -107,5 +107,5 @@ class Kernel:
 
     @property
     def _numba_type_(self) -> Any:
-        """Type that Numba looks for in a kernel that calls this one."""
+        """Numba type of a kernel when called from another."""
         return self.compiled._numba_type_

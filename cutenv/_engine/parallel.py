@@ -23,7 +23,7 @@ _NEXT, _END, _FINISHED = range(3)  # columns: next unclaimed item and end of the
 
 
 def make_queue(count: int, cores: int = 1) -> WorkQueue:
-    """Make a work queue: split ``count`` items into one contiguous range per thread."""
+    """Make a work queue of one contiguous range per thread."""
     passed = np.zeros((cores, CACHE_LINE), np.int64)
     passed[:, _END] = count * np.arange(1, cores + 1) // cores
     passed[1:, _NEXT] = passed[:-1, _END]
@@ -32,7 +32,7 @@ def make_queue(count: int, cores: int = 1) -> WorkQueue:
 
 @njit_inline
 def next_chunk(passed: WorkQueue, core: int, size: int) -> tuple[int, int]:
-    """Claim the next chunk for thread ``core``, at most ``size`` items: (first, end), or (0, 0) when none is left."""
+    """Claim at most ``size`` items: (first, end), or (0, 0)."""
     for k in range(len(passed)):
         stretch = (core + k) % len(passed)
         end = passed[stretch, _END]
@@ -45,13 +45,13 @@ def next_chunk(passed: WorkQueue, core: int, size: int) -> tuple[int, int]:
 
 @njit_inline
 def mark_done(passed: WorkQueue, core: int, size: int) -> None:
-    """Mark ``size`` items as done by ``core``; a release operation, so that others may read the results."""
+    """Release ``size`` items of ``core`` as done, for others to read."""
     atomic_add(passed, core, _FINISHED, size)
 
 
 @njit_nogil
 def wait_done(passed: WorkQueue, patience: int) -> bool:
-    """Poll up to ``patience`` times, a nanosecond or two each; return True as soon as all items are done."""
+    """Poll up to ``patience`` times, nanoseconds each; return True when done."""
     core, left = 0, passed[len(passed) - 1, _END]
     for _ in range(patience + len(passed)):
         if core == len(passed):
@@ -73,14 +73,14 @@ _threads: tuple[int, ThreadPoolExecutor] | None = None  # id of the process that
 
 
 def set_cores(count: int) -> None:
-    """Set the number of threads; by default all cores that the process may use, or ``CUTENV_CORES``."""
+    """Set the number of threads, by default ``CUTENV_CORES`` or all."""
     global _cores, _threads
     _cores = int(in_range("cores", count, 1, 4096, "1", "Give a whole number of cores."))
     _threads = None
 
 
 def _number_of_cores(text: str) -> int:
-    """Return the number that the environment variable gives; an error names the variable."""
+    """Return the number of cores from an environment variable."""
     cure = "Give a whole number of cores, or unset it."
     if not text.strip().isdecimal():
         raise ValueError(f"CUTENV_CORES = {text!r} is no number of cores. {cure}")
@@ -103,7 +103,7 @@ def parallel_for(
     fewest: int = MIN_CHUNK,
     meanwhile: Callable[[], None] | None = None,
 ) -> None:
-    """Run ``kernel(queue, thread, *arguments)`` on up to one thread for every ``fewest`` items.
+    """Run ``kernel(queue, thread, *arguments)`` on up to a thread per ``fewest`` items.
 
     The kernel claims chunks of the ``count`` items (:mod:`cutenv._engine.parallel`) until there are none.  A thread
     that wakes late finds less to do, and nobody waits for a thread that has not begun.  ``meanwhile`` is called while
@@ -126,7 +126,7 @@ def parallel_for(
 
 
 def _pool() -> ThreadPoolExecutor:
-    """Return the thread pool of this process; a forked child makes its own."""
+    """Return this process's thread pool, remade after a fork."""
     global _threads
     if _threads is None or _threads[0] != os.getpid():
         _threads = os.getpid(), ThreadPoolExecutor(max(_cores - 1, 1), "cutenv")

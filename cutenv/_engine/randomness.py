@@ -42,7 +42,7 @@ _ROUNDS = 10
 def philox(
     key_0: np.uint64, key_1: np.uint64, c0: np.uint64, c1: np.uint64, c2: np.uint64, c3: np.uint64
 ) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
-    """Compute Philox-4x32-10: four 32-bit words (held in uint64) from a 2-word key and a 4-word counter."""
+    """Compute Philox-4x32-10: four 32-bit words (in uint64) from key and counter."""
     for _ in range(_ROUNDS):
         p0 = _MULTIPLIER_0 * c0
         p1 = _MULTIPLIER_1 * c2
@@ -64,14 +64,14 @@ def words_at(
 
 @njit_internal
 def uniform_at(seed: Integer, episode: Integer, stream: Integer, counter: Integer) -> float:
-    """Return one uniform number in [0, 1), with 53 random bits, for (seed, episode, stream, counter)."""
+    """Return a uniform number in [0, 1) with 53 bits."""
     high, low, _, _ = words_at(seed, episode, stream, counter)
     return float((high << np.uint64(21)) | (low >> np.uint64(11))) * 2.0**-53
 
 
 @njit_internal
 def three_normals_at(seed: Integer, episode: Integer, stream: Integer, number: int) -> tuple[float, float, float]:
-    """Return :func:`normal_at` of counters 4 ``number``, 4 ``number`` + 1 and 4 ``number`` + 2."""
+    """Return :func:`normal_at` of counters 4 ``number`` to 4 ``number`` + 2."""
     words, counter = words_at(seed, episode, stream, number), 4 * number
     return (
         _normal(words[0], seed, episode, stream, counter), _normal(words[1], seed, episode, stream, counter + 1),
@@ -87,9 +87,10 @@ def normal_at(seed: Integer, episode: Integer, stream: Integer, counter: Integer
 
 
 def _ziggurat() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Compute the ziggurat: widths, shape (257,), of 256 layers of equal area under exp(-x^2/2), and its heights there.
+    """Compute 256 equal-area ziggurat layers: widths, (257,), and heights.
 
-    The lowest layer includes the tail beyond R; its width is that of a rectangle of the same area.
+    They are under exp(-x^2/2).  The lowest layer includes the tail beyond R; its width is that of a rectangle of the
+    same area.
     """
     widths = np.zeros(_LAYERS + 1)
     widths[0], widths[1] = _AREA / exp(-0.5 * _R * _R), _R
@@ -108,10 +109,11 @@ _AGAIN = np.uint64(1 << 16)  # added to a stream: further words for the few numb
 
 @njit_internal
 def _normal(word: np.uint64, seed: Integer, episode: Integer, stream: Integer, counter: Integer) -> float:
-    """Turn one 32-bit word into a standard normal number by the ziggurat method: 8 bits layer, 1 sign, 23 position.
+    """Turn a 32-bit word into a ziggurat standard normal number.
 
-    Marsaglia and Tsang, "The ziggurat method for generating random variables", J. Stat. Softw. 5(8), 2000; with
-    separate bits for layer and position, as Doornik (2005) recommends.  One word decides 98.8 % of the numbers.
+    8 bits are its layer, 1 its sign, 23 its position.  Marsaglia and Tsang, "The ziggurat method for generating random
+    variables", J. Stat.  Softw.  5(8), 2000; with separate bits for layer and position, as Doornik (2005) recommends.
+    One word decides 98.8 % of the numbers.
     """
     layer, sign, across = in_layer(word)
     x = across * float(WIDTHS[layer])
@@ -122,7 +124,7 @@ def _normal(word: np.uint64, seed: Integer, episode: Integer, stream: Integer, c
 
 @njit_inline
 def in_layer(word: np.uint64) -> tuple[Integer, float, float]:
-    """Split a word into layer, sign and position across the layer, 0 to 1.
+    """Split a word into layer, sign and position, 0 to 1.
 
     Position times width of the layer is the magnitude; it is accepted at once if below the width of the next layer.
     """
@@ -135,7 +137,7 @@ def in_layer(word: np.uint64) -> tuple[Integer, float, float]:
 def normal_at_the_rim(
     layer: Integer, x: float, seed: Integer, episode: Integer, stream: Integer, counter: Integer
 ) -> float:
-    """Return the magnitude where ``x`` falls in the rim of its layer: rejection sampling with further words."""
+    """Return the magnitude in a layer's rim by rejection sampling."""
     attempt = 0
     while True:
         w0, w1, w2, w3 = words_at(seed, episode, stream + _AGAIN, 64 * counter + attempt)
@@ -155,7 +157,7 @@ def normal_at_the_rim(
 
 
 def generator(seed: int, episode: int = 0) -> np.random.Generator:
-    """Return a NumPy generator for one episode, keyed (not sequenced) by ``seed`` and ``episode``.
+    """Return a NumPy generator keyed by ``seed`` and ``episode``.
 
     Parameters
     ----------
@@ -173,7 +175,7 @@ def generator(seed: int, episode: int = 0) -> np.random.Generator:
 
 
 def check_key(seed: int, episode: int) -> None:
-    """Raise ValueError if ``seed`` or ``episode`` is outside 0 to 2**64 - 1."""
+    """Raise ValueError unless ``seed`` and ``episode`` are 0 to 2**64 - 1."""
     for name, value in (("seed", seed), ("episode", episode)):
         if not 0 <= int(value) < 2**64:
             raise ValueError(f"{name} = {value} is outside 0 to 2**64 - 1. Give a non-negative integer.")

@@ -38,12 +38,12 @@ _held: set[Path] = set()  # folders that this process has locked; changed under 
 
 
 def are_tested() -> bool:
-    """Return True if the shortcuts were tested with the Numba that is installed."""
+    """Return True if shortcuts were tested with the installed Numba."""
     return bool(numba.version_info.short <= TESTED)
 
 
 def type_of(dispatcher: Any) -> Any:
-    """Return Numba's type of what ``numba.njit`` returned, for functions that stand for it in kernels."""
+    """Return Numba's type of a ``numba.njit`` dispatcher."""
     return numba.types.Dispatcher(dispatcher)
 
 
@@ -92,7 +92,7 @@ def _without_collection() -> Iterator[None]:
 
 @contextmanager
 def _replaced_methods() -> Iterator[None]:
-    """Replace methods of Numba by faster ones of the same results, and put back those that were there."""
+    """Replace Numba methods by faster equivalents, and restore them."""
     before = [(owner, name, getattr(owner, name)) for owner, name, _ in _FASTER]
     try:
         for owner, name, method in _FASTER:
@@ -111,12 +111,12 @@ _known: dict[Any, Any] = {}
 
 
 def _equal(own: Any, other: Any) -> Any:
-    """Compare compiler flags by what was set before Numba reads each of 30 options: a twentieth of compiling."""
+    """Compare compiler flags by their set values, for speed."""
     return own._values == getattr(other, "_values", None) or _equal_by_options(own, other)
 
 
 def _hash(own: Any) -> int:
-    """Return Numba's own hash of compiler flags, which is that of the options' names, whatever was set."""
+    """Return Numba's hash of compiler flags, that of the options' names."""
     return _hash_of_names(tuple(own.options))
 
 
@@ -126,7 +126,7 @@ def _hash_of_names(names: tuple[str, ...]) -> int:
 
 
 def _remembered(own: Any, context: Any, args: Any, kws: Any) -> Any:
-    """Remember what an operator of given types is: at each ``a[n]`` Numba tries up to 16 templates."""
+    """Remember operators by types, as Numba tries 16 templates."""
     if kws or getattr(own.typing_key, "__module__", "") != "_operator":
         return _resolve(own, context, args, kws)
     key = own._code, context, args  # the code of a type is never given to another
@@ -143,7 +143,7 @@ _FASTER = (
 
 
 class LateInterrupt:
-    """Let a Ctrl-C wait until the kernel at hand is compiled or loaded, mostly under a second.
+    """Postpone Ctrl-C until the current kernel is compiled or loaded.
 
     In a callback from LLVM the KeyboardInterrupt would be lost, or Numba would end in an error of its own.
     """
@@ -184,7 +184,7 @@ _late_interrupt = LateInterrupt()
 
 
 def compile_alone(dispatcher: Any, folder: Path | None) -> None:
-    """Have ``dispatcher``, as ``numba.njit`` returns it, compile or load its function alone, and a Ctrl-C wait for it.
+    """Compile or load a kernel alone, with Ctrl-C postponed.
 
     Of several processes that want a kernel of ``folder``, one compiles it, and the others load what it has kept there.
     """
@@ -199,7 +199,7 @@ def _compile_or_load(compile_or_load: Callable[[Any], Any], folder: Path | None,
 
 @contextmanager
 def _alone_in(folder: Path | None) -> Iterator[None]:
-    """Wait while another process compiles kernels of a folder; not beyond a Ctrl-C, nor where files have no locks."""
+    """Wait, until Ctrl-C, while another process compiles in a lockable folder."""
     if fcntl is None or folder is None or folder in _held:
         yield
         return
@@ -220,7 +220,7 @@ def _alone_in(folder: Path | None) -> Iterator[None]:
 
 
 def _locked(file: int) -> bool:
-    """Lock a file unless another process has; True if it has no more to be waited for."""
+    """Lock a file unless locked; return True if no wait remains."""
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
