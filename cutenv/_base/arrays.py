@@ -21,7 +21,7 @@ StructArray: TypeAlias = NDArray[Any]
 
 
 def joined_records(parts: Sequence[StructArray]) -> StructArray:
-    """Join contiguous records of one type, as ``numpy.concatenate``, which compares their fields anew for each part."""
+    """Join contiguous records of one type, without comparing fields."""
     kind = parts[0].dtype
     whole: StructArray = np.concatenate([part.view((np.void, kind.itemsize)) for part in parts]).view(kind)
     return whole

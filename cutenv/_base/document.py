@@ -16,7 +16,7 @@ def render(
     folders: Sequence[Path] = (),
     filters: Mapping[str, Callable[..., Any]] | None = None,
 ) -> str:
-    """Return a template filled with values: text is escaped, and a name that is missing is an error.
+    """Return a filled template, escaped; missing names are errors.
 
     Parameters
     ----------

@@ -54,7 +54,7 @@ EXTRAS_OF_MODULE = {
 
 
 def import_when_used(package: str, modules: Mapping[str, str], packages: Iterable[str] = ()) -> Callable[[str], Any]:
-    """Return the ``__getattr__`` of a package (PEP 562): names, each with the full name of its module, and packages."""
+    """Return a package's lazy ``__getattr__`` (PEP 562) for names and packages."""
 
     def attribute(name: str) -> Any:
         if name in packages:
@@ -86,7 +86,7 @@ def optional_import(name: str, package: str, format_name: str, extra: str = "dat
 
 
 def missing_extra(error: ModuleNotFoundError, preferred: str = "") -> str | None:
-    """Return the pip command that brings the missing module, or None if it belongs to no extra.
+    """Return the pip command for a missing module, or None.
 
     ``preferred`` is the extra that is named if it is one of several that bring the module.
     """
@@ -99,14 +99,14 @@ def missing_extra(error: ModuleNotFoundError, preferred: str = "") -> str | None
 
 
 def import_from_here() -> None:
-    """Let modules of the present folder be imported, as ``python -m`` does: a policy or driver of one's own."""
+    """Let modules of the present folder be imported, as ``python -m``."""
     if "" not in sys.path:
         sys.path.insert(0, "")
 
 
 @contextmanager
 def extra_named(preferred: str = "") -> Iterator[None]:
-    """Raise a ModuleNotFoundError of the block anew with the pip command that brings the module."""
+    """Raise ModuleNotFoundError anew with the module's pip command."""
     try:
         yield
     except ModuleNotFoundError as error:

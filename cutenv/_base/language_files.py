@@ -31,27 +31,27 @@ def languages() -> tuple[str, ...]:
 
 
 def texts_by_key(language: str) -> dict[str, str]:
-    """Return the texts of the pages that cut and of the class, by key."""
+    """Return texts of cutting and class pages by key."""
     return _texts(ENGLISH) | _texts(language)
 
 
 def course_texts(language: str) -> Mapping[str, str]:
-    """Return sentences about a course, rules of feedback and names of metrics, by key."""
+    """Return course sentences, feedback rules and metric names, by key."""
     return {**_section(ENGLISH, _COURSE), **_section(language, _COURSE)}
 
 
 def shipped_names(language: str) -> Mapping[str, str]:
-    """Return names of the courses and tasks that come with cutenv, by the English one."""
+    """Return names of shipped courses and tasks by English name."""
     return _section(language, _NAMES)
 
 
 def phrases_from_english(language: str) -> Mapping[str, str]:
-    """Return phrases of pages that are written in English, by the English one; {} for English itself."""
+    """Return page phrases by English phrase; {} for English."""
     return _section(language, _PHRASES)
 
 
 def local_number(text: str, language: str) -> str:
-    """Return numbers, written as in English, with the decimal mark of a language, and its mark between two."""
+    """Return numbers written with a language's decimal and range marks."""
     forms = _forms(language)
     return re.sub(r"(?<=\d)\.(?=\d)", lambda _: forms["decimal"], text.replace(", ", f"{forms['list']} "))
 
@@ -62,13 +62,13 @@ def local_date(year: str, month: str, day: str, language: str) -> str:
 
 
 def local_moment(moment: datetime, language: str) -> str:
-    """Return a moment as the clock of this machine shows it, in a language."""
+    """Return a local time as shown in a language."""
     here = moment.astimezone()
     return f"{local_date(f'{here:%Y}', f'{here:%m}', f'{here:%d}', language)}, {here:%H:%M}"
 
 
 def missing_texts(language: str) -> list[str]:
-    """Return what a language's file lacks, and what therefore stays English: keys, or English phrases and names."""
+    """Return keys, phrases and names missing from a language's file."""
     others = [code for code in languages() if code not in (ENGLISH, language)]
     lacking = [key for key in _texts(ENGLISH) if key not in _texts(language)]
     if language == ENGLISH:
@@ -99,7 +99,7 @@ def _paths() -> dict[str, Path]:
 
 @lru_cache
 def _found(further: str) -> dict[str, Path]:
-    """Return the files by language; one in the further folder takes the place of a shipped one."""
+    """Return language files, further folders replacing shipped ones."""
     folders = [_SHIPPED, *([Path(further)] if further else [])]
     return {path.stem: path for folder in folders for path in folder.glob("*.json") if _CODE.fullmatch(path.stem)}
 
@@ -113,7 +113,7 @@ def _content(language: str) -> dict[str, Any]:
 
 @lru_cache
 def _checked(path: Path) -> dict[str, Any]:
-    """Return the content of a file; ValueError names the file, the key and what is wrong with it."""
+    """Return a checked file's content; ValueError names file and key."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:
@@ -132,7 +132,7 @@ def _checked(path: Path) -> dict[str, Any]:
 
 
 def _entries(content: Mapping[str, Any], english: Mapping[str, Any]) -> Iterator[tuple[str, Any, Any]]:
-    """Yield the name, the text and the English text of everything in a file."""
+    """Yield each entry's name, text and English text."""
     for key, text in content.items():
         if key not in _SECTIONS:
             yield key, text, english.get(key)

@@ -52,7 +52,7 @@ def watched(items: Iterable[T], description: str, unit: str, *, total: int | Non
 
 @contextmanager
 def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield a temporary path whose file replaces ``path`` when the block ends.
+    """Yield a temporary path that replaces ``path`` at the end.
 
     Until then `path` is unchanged or missing; an exception in the block removes the temporary file. A process
     that is killed leaves it behind, as ``NAME.DIGITS.part.SUFFIX`` beside `path`; it may be deleted.
@@ -96,13 +96,13 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def put_in_place(part: Path, target: Path) -> None:
-    """Give a file that is whole, and flushed, the name of another one in its folder."""
+    """Rename a whole, flushed file within its folder."""
     part.replace(target)
     _flush_folder(target.parent)
 
 
 def check_writable(what: str, folder: Path) -> None:
-    """Raise OSError, named ``what``, if no file can be made in a folder: before the work whose result goes there."""
+    """Raise OSError, naming ``what``, if a folder is not writable."""
     try:
         with tempfile.TemporaryFile(dir=folder):
             pass
@@ -112,18 +112,18 @@ def check_writable(what: str, folder: Path) -> None:
 
 
 def whole_files(paths: Iterable[Path]) -> list[Path]:
-    """Return the paths in order without the temporary files of :func:`atomic_write`, which may still be written."""
+    """Return paths in order, without :func:`atomic_write`'s temporary files."""
     return sorted(path for path in paths if ".part" not in path.suffixes[-2:-1])
 
 
 def _flush(file: Path) -> None:
-    """Flush the content to the disk before the rename, so that after a power cut no name stands for a partial file."""
+    """Flush a file to disk before renaming, against power cuts."""
     with file.open("r+b") as opened:
         os.fsync(opened.fileno())
 
 
 def _flush_folder(folder: Path) -> None:
-    """Flush the directory (fsync), so that the rename survives a power cut (POSIX only; Windows does it itself)."""
+    """Flush a directory (fsync) on POSIX, so that renames survive."""
     if os.name == "nt":
         return
     descriptor = os.open(folder, os.O_RDONLY)
@@ -134,7 +134,7 @@ def _flush_folder(folder: Path) -> None:
 
 
 def reader_has_gone() -> bool:
-    """Return True if standard output is a closed pipe; on Windows never, where such a pipe raises another error."""
+    """Return True if standard output is a closed pipe (not Windows)."""
     if not hasattr(select, "poll"):
         return False
     watched = select.poll()

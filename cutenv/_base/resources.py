@@ -57,7 +57,7 @@ def path(name: str) -> Path:
 
 
 def git(*arguments: str) -> str | None:
-    """Return what git prints about the checkout that this package is part of; None if it is installed elsewhere."""
+    """Return git's output about this checkout, or None if installed."""
     checkout = _CHECKOUT.parent
     if not (checkout / "pyproject.toml").is_file():  # in site-packages: a repository around it is somebody else's
         return None
@@ -66,7 +66,7 @@ def git(*arguments: str) -> str | None:
 
 
 def described_version(version: str) -> str:
-    """Return a version with the commit of the checkout, and a mark if files have changed since; a wheel has neither."""
+    """Return a version with commit and change mark, if a checkout."""
     commit = git("rev-parse", "--short=12", "HEAD")
     if commit is None:
         return version

@@ -17,7 +17,7 @@ _Number = TypeVar("_Number", float, NDArray[np.float64])
 
 
 class Unit(NamedTuple):
-    """Unit of ``size / parts`` SI units, for numbers from people and for people.
+    """Unit of ``size / parts`` SI units, as people use it.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class Unit(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Spelling inside the name of a column or key, which can hold no slash: ``cm_s``."""
+        """Spelling in names of columns or keys, without slash: ``cm_s``."""
         return self.word or self.sign.replace("/", "_")
 
     @property
@@ -53,7 +53,7 @@ class Unit(NamedTuple):
         return self.size / self.parts
 
     def to_si(self, number: _Number) -> _Number:
-        """Convert to SI, of the same shape; an array that is in SI already is returned itself."""
+        """Convert to SI in the same shape; SI arrays are unchanged."""
         if self.size != 1.0:
             number = number * self.size
         return number / self.parts if self.parts != 1 else number
@@ -129,5 +129,5 @@ NAMED_UNITS: Mapping[str, Unit] = MappingProxyType(
 
 
 def shown_unit(si: str) -> Unit:
-    """Return the unit in which pages show a quantity of this SI unit: millimetres for metres, else the unit itself."""
+    """Return the unit that pages show: millimetres for metres, else SI."""
     return {"m": NAMED_UNITS["mm"], "m2": _SQUARE_MILLIMETRE}.get(si) or Unit(si, si)

@@ -19,7 +19,7 @@ _MANY = 16  # number of choices beyond which the nearest is named, and not all a
 
 
 def in_range(name: str, value: float, low: float, high: float, unit: str, cure: str = "") -> float:
-    """Return ``value`` as a float if it is finite and ``low <= value <= high``.
+    """Return ``value`` as float if finite and ``low <= value <= high``.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def in_range(name: str, value: float, low: float, high: float, unit: str, cure: 
 def array_in_range(
     name: str, values: ArrayLike, low: float, high: float, unit: str, cure: str = ""
 ) -> NDArray[np.float64]:
-    """Return ``values`` as float64 if all lie in the range, like :func:`in_range`; errors name the first bad value."""
+    """Return ``values`` as float64 if all are :func:`in_range`; name the first bad."""
     try:
         raw = np.asarray(values)
         if raw.dtype.kind not in "iuf":
@@ -67,7 +67,7 @@ def array_in_range(
 
 
 def one_of(name: str, value: T, choices: Iterable[T]) -> T:
-    """Return ``value`` if it is one of ``choices``; otherwise raise ValueError and suggest the nearest."""
+    """Return ``value`` if among ``choices``; else raise ValueError with the nearest."""
     known = list(choices)
     if value not in known:
         hint, listed = nearest_choices(value, known), ", ".join(repr(choice) for choice in known)
@@ -85,7 +85,7 @@ class UnexpectedKeyword(TypeError):
 
 
 def unexpected_keyword(of: str, keyword: str, known: Iterable[str] = (), cure: str = "") -> UnexpectedKeyword:
-    """Return the error that Python raises for a keyword which ``of`` does not take, with the nearest of those known.
+    """Return a TypeError for an unknown keyword, with the nearest known.
 
     Libraries that try what an environment takes, as TorchRL does, look for Python's words in a TypeError.
     """
@@ -99,7 +99,7 @@ def unexpected_keyword(of: str, keyword: str, known: Iterable[str] = (), cure: s
 
 
 def nearest_choices(value: Any, known: Iterable[Any], *, most: int = 1) -> str:
-    """Return a sentence that names the nearest choices, ``most`` of them at most; "" if none is near."""
+    """Return a sentence naming at most ``most`` nearest choices, or ""."""
     nearest = difflib.get_close_matches(str(value), [str(choice) for choice in known], n=most, cutoff=0.5)
     return f" Did you mean {' or '.join(map(repr, nearest))}?" if nearest else ""
 
@@ -137,7 +137,7 @@ def parameter(
 
 
 def check_parameters(parameters: Any) -> None:
-    """Raise if a documented constant of a dataclass is out of its range (call it in ``__post_init__``)."""
+    """Raise if a dataclass constant is out of range, in ``__post_init__``."""
     for field in dataclasses.fields(parameters):
         about = field.metadata
         if "unit" not in about:
@@ -153,7 +153,7 @@ def check_parameters(parameters: Any) -> None:
 
 
 def parameter_table(*groups: Any) -> list[dict[str, Any]]:
-    """Return all documented constants of dataclasses as rows: name, default, unit, provenance, source, sensitivity."""
+    """Return documented constants as rows: name, default, unit, provenance, source, sensitivity."""
     return [
         {
             "name": field.name,
@@ -167,7 +167,7 @@ def parameter_table(*groups: Any) -> list[dict[str, Any]]:
 
 
 def taken_from(keywords: dict[str, Any], kind: type[T]) -> T:
-    """Return constants of a ``kind`` that a task adds, of those ``keywords`` that name its fields, which are removed.
+    """Pop a ``kind``'s constants from ``keywords``, and return them.
 
     Raises
     ------
