@@ -1,4 +1,4 @@
-"""Behaviour cloning, written out with the parts of the package: imitate a script, without any trial.
+"""Behaviour cloning from parts of the package: imitate a script.
 
     python agents/bc.py                             some three minutes; writes runs/<name>/policy/
     python agents/bc.py --epochs 20 --name mine
@@ -21,7 +21,7 @@ from cutenv.agents.learning.run_folder import export, record_run, run_program
 
 
 def train(arguments: BCArguments, run: Path) -> None:
-    """Fit a network to the script's actions; write the best epoch on validation specimens to ``run``/policy."""
+    """Fit the script's actions; write the best epoch to ``run``/policy."""
     torch.set_num_threads(1)
     facts = record_run(arguments, run, "behaviour cloning")
     clone = Clone(arguments)

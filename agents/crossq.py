@@ -1,4 +1,4 @@
-"""CrossQ, written out with the parts of the package: SAC without target critics, with normalised layers.
+"""CrossQ from parts of the package: normalised SAC without target critics.
 
     python agents/crossq.py                           some four minutes; writes runs/<name>/policy/
     python agents/crossq.py --timesteps 30000 --name mine

@@ -1,4 +1,4 @@
-"""Implicit Q-learning, written out with the parts of the package: offline, from the cuts of two scripts.
+"""Implicit Q-learning from parts of the package: offline, from scripted cuts.
 
     python agents/iql.py                            some four minutes; writes runs/<name>/policy/
     python agents/iql.py --epochs 10 --name mine
@@ -21,7 +21,7 @@ from cutenv.agents.learning.run_folder import export, record_run, run_program
 
 
 def train(arguments: IQLArguments, run: Path) -> None:
-    """Fit an agent to the scripts' cuts; write the best epoch on validation specimens to ``run``/policy."""
+    """Fit the scripts' cuts; write the best epoch to ``run``/policy."""
     torch.set_num_threads(1)
     facts = record_run(arguments, run, "IQL")
     data, facts["taught_by"] = transition_data(arguments)

@@ -1,4 +1,4 @@
-"""PPO, written out with the parts of the package, from environments to exported policy: change what you like.
+"""PPO from parts of the package, from environments to policy.
 
     python agents/ppo.py                            some ten minutes; writes runs/<name>/policy/
     python agents/ppo.py --timesteps 400000 --name mine

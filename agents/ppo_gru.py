@@ -1,4 +1,4 @@
-"""PPO with a memory in one file and plain torch: ``agents/ppo_minimal.py`` with a GRU before actor and critic.
+"""Recurrent PPO in plain torch: ``agents/ppo_minimal.py`` with a GRU.
 
     python agents/ppo_gru.py                                               about three minutes on one core
     python agents/ppo_gru.py --env cutenv/PathCut-v1 --seed 3              another task
@@ -77,7 +77,7 @@ class Args:
 
 
 def make_env(args: Args, num_envs: int) -> gym.vector.VectorEnv:
-    """Make the native vector environment, which resets within the step of an end."""
+    """Make the native vector environment, which resets at an end."""
     rate: dict[str, Any] = {"control_hz": args.control_hz} if args.control_hz else {}
     return gym.make_vec(
         args.env, num_envs=num_envs, vectorization_mode="vector_entry_point", autoreset_mode="SameStep", **rate
@@ -92,7 +92,7 @@ def layer_init(layer: nn.Linear, std: float = np.sqrt(2)) -> nn.Linear:
 
 
 class Agent(nn.Module):
-    """A GRU, and after it actor and critic, each of one tanh layer over the observation and the memory."""
+    """GRU, followed by one tanh layer each for actor and critic."""
 
     def __init__(self, observation_size: int, action_size: int, hidden_size: int) -> None:
         super().__init__()
@@ -120,7 +120,7 @@ class Agent(nn.Module):
     def remember(
         self, observations: torch.Tensor, memory: torch.Tensor, begun: torch.Tensor
     ) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return what actor and critic see at each of T decisions, and the memory after the last.
+        """Return the networks' inputs at T decisions, and the last memory.
 
         Parameters
         ----------
@@ -154,7 +154,7 @@ class Agent(nn.Module):
 
 
 def new_agent(args: Args, envs: gym.vector.VectorEnv | None = None) -> Agent:
-    """Return an untrained agent with the sizes of the environments; the seed decides its weights."""
+    """Return an untrained agent that fits the environments, seeded."""
     torch.manual_seed(args.seed)
     sized = envs or make_env(args, 1)
     observation_size, action_size = (
@@ -196,7 +196,7 @@ def evaluate(agent: Agent, args: Args) -> tuple[float, float]:
 
 
 class Sequences(NamedTuple):
-    """Chunks of a rollout side by side: tensors of shape (chunk, number of sequences, ...).
+    """Chunks of a rollout: tensors (chunk, number of sequences, ...).
 
     ``memory``, shape (1, number of sequences, hidden_size), is the rollout's before the first decision of each.
     """
@@ -215,7 +215,7 @@ class Sequences(NamedTuple):
 
 
 class Rollout:
-    """Rollout of all environments between two updates: tensors of shape (num_steps, num_envs, ...).
+    """Rollout between updates: tensors of shape (num_steps, num_envs, ...).
 
     ``memories`` are those before each decision, and ``begun`` is 1 where it is the first of its cut.  The next
     decision has the index num_steps in ``obs``, ``memories`` and ``begun``, and begins the following rollout.
@@ -235,7 +235,7 @@ class Rollout:
 
     @torch.no_grad()
     def collect(self) -> list[float]:
-        """Let the agent decide num_steps times in every environment; return the returns of the cuts that ended."""
+        """Decide num_steps times in every environment; return ended cuts' returns."""
         finished: list[float] = []
         for kept in (self.obs, self.memories, self.begun):
             kept[0] = kept[-1]
@@ -255,7 +255,7 @@ class Rollout:
 
     @torch.no_grad()
     def advantages(self, args: Args) -> torch.Tensor:
-        """Return the generalised advantage estimates; an end is never a truncation here."""
+        """Return generalised advantage estimates; ends are never truncations here."""
         seen, _ = self.agent.remember(self.obs[-1:], self.memories[-1], self.begun[-1:])
         following, lastgaelam = self.agent.get_value(seen)[0], torch.zeros(args.num_envs)
         advantages = torch.zeros_like(self.rewards)
@@ -280,7 +280,7 @@ class Rollout:
 
 
 def loss_of(agent: Agent, chosen: Sequences, args: Args) -> tuple[torch.Tensor, torch.Tensor]:
-    """Return PPO's loss on some sequences, and the ratio of the probabilities of each action, now over then."""
+    """Return PPO's loss on sequences, and the actions' probability ratios."""
     seen, _ = agent.remember(chosen.obs, chosen.memory[0], chosen.begun)
     _, newlogprob, newvalue = agent.get_action_and_value(seen, chosen.actions)
     ratio = (newlogprob - chosen.logprobs).exp()
@@ -297,7 +297,7 @@ def train(
     envs: gym.vector.VectorEnv | None = None,
     watch: Callable[[Agent, int], None] | None = None,
 ) -> tuple[Agent, list[float]]:
-    """Train; return the agent, and the mean return of the cuts that ended in each update.
+    """Train; return the agent, and each update's mean return.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""PPO with a Lagrange multiplier: the highest return at a mean cost of a cut within the budget of SafeCut-v1.
+"""PPO with a Lagrange multiplier: highest return within SafeCut-v1's budget.
 
     python agents/ppo_lagrangian.py                 some ten minutes; writes runs/<name>/policy/
     python agents/ppo_lagrangian.py --timesteps 1000000 --name careful
@@ -53,7 +53,10 @@ class LagrangianArguments(PPOArguments):
 
 
 class PenalisedVecEnv(FeatureVecEnv):
-    """Environments whose reward is (reward - multiplier cost) / (1 + multiplier); the infos have both apart."""
+    """Environments with reward (reward - multiplier cost) / (1 + multiplier).
+
+    The infos have both apart.
+    """
 
     multiplier = 0.0
     """Price of a millimetre of cost, in units of return."""
@@ -66,7 +69,7 @@ class PenalisedVecEnv(FeatureVecEnv):
 
 
 class DualAscent(BaseCallback):
-    """Callback that moves the multiplier after every rollout by the mean cost of the cuts that ended in it."""
+    """Callback that updates the multiplier by a rollout's mean cost."""
 
     def __init__(self, environments: PenalisedVecEnv, budget: float, rate: float) -> None:
         super().__init__()

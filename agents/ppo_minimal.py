@@ -1,4 +1,4 @@
-"""PPO in one file and plain torch, in the form of CleanRL: an agent to read from top to bottom, and to start from.
+"""PPO in one readable file of plain torch, like CleanRL.
 
     python agents/ppo_minimal.py                          about two minutes on one core
     python agents/ppo_minimal.py --total-decisions 200000 --seed 3
@@ -62,7 +62,10 @@ class Args:
 
 
 def make_env(num_envs: int) -> gym.vector.VectorEnv:
-    """Make the native vector environment, which decides 10 times a second and resets within the step of an end."""
+    """Make the native vector environment, 10 decisions a second.
+
+    It resets within the step of an end.
+    """
     return gym.make_vec("cutenv/GentleCut-v1", num_envs=num_envs, autoreset_mode="SameStep", control_hz=10)
 
 
@@ -101,7 +104,7 @@ class Agent(nn.Module):
     def get_action_and_value(
         self, observations: torch.Tensor, actions: torch.Tensor | None = None
     ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
-        """Return actions, drawn unless given, their log probabilities, the entropies and the values."""
+        """Return actions, drawn unless given, log probabilities, entropies and values."""
         mean = self.actor_mean(observations)
         distribution = Normal(mean, self.actor_logstd.exp().expand_as(mean))
         if actions is None:
@@ -137,7 +140,7 @@ def evaluate(agent: Agent, specimens: int) -> tuple[float, float]:
 def train(
     args: Args, verbose: bool = True, make: Callable[[int], gym.vector.VectorEnv] = make_env
 ) -> tuple[Agent, list[float]]:
-    """Train on the environments that ``make`` makes; return the agent, and the mean return of each update's cuts."""
+    """Train on environments from ``make``; return agent and mean returns."""
     torch.manual_seed(args.seed)
     torch.set_num_threads(1)
     rng = np.random.default_rng(args.seed)

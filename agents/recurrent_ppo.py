@@ -1,4 +1,4 @@
-"""Recurrent PPO, written out with the parts of the package: the actor has a memory (LSTM) instead of a history.
+"""Recurrent PPO from parts of the package, with LSTM memory.
 
     python agents/recurrent_ppo.py                  some twenty minutes; writes runs/<name>/policy/
     python agents/recurrent_ppo.py --timesteps 400000 --name mine

@@ -1,4 +1,4 @@
-"""Train an agent with PPO of Ray RLlib, whose environment runners may be on many machines.
+"""PPO of Ray RLlib, with environment runners on many machines.
 
     python agents/rllib.py                            on this machine, a local cluster not reachable from outside
     python agents/rllib.py --address auto --workers 64      on the cluster to which this machine belongs
@@ -46,7 +46,7 @@ _LOOPBACK = "127.0.0.1"
 
 @dataclass(frozen=True, kw_only=True)
 class Arguments:
-    """Arguments of a run; every field is an option of the command line."""
+    """Arguments of a run, each a command-line option."""
 
     name: str = option("", "name of the run's folder below runs/; default date and time")
     resume: str = option("", "folder of an interrupted run to resume; its other arguments are kept")
@@ -80,13 +80,15 @@ class Arguments:
 
     @property
     def training_seeds(self) -> range:
-        """Seeds of the environments of all runners: the local one, which need not step, and the workers."""
+        """Seeds of all runners' environments: the local one's and workers'."""
         first = self.seed * SEEDS_OF_A_RUN
         return range(first, first + (self.workers + 1) * self.environments)
 
 
 def connect(arguments: Arguments) -> None:
-    """Join the cluster, or start one on this machine that listens on loopback only; before Ray is imported elsewhere.
+    """Join the cluster, or start one listening on loopback only.
+
+    Do so before Ray is imported elsewhere.
 
     Raises
     ------
@@ -112,7 +114,10 @@ def connect(arguments: Arguments) -> None:
 
 
 def algorithm(arguments: Arguments, first_episode: int = 0) -> PPO:
-    """Make an untrained agent with its runners, whose environments begin with this episode; after :func:`connect`."""
+    """Make an untrained agent with runners, beginning at ``first_episode``.
+
+    Call it after :func:`connect`.
+    """
     from ray.rllib.algorithms.ppo import PPOConfig
     from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
     from ray.tune.registry import register_env
@@ -160,7 +165,7 @@ def algorithm(arguments: Arguments, first_episode: int = 0) -> PPO:
 
 
 def share_seeds(*, env: RunnerEnv, env_context: Any, **_: Any) -> None:
-    """Let every runner cut its own specimens; the environment's own configuration does not contain its runner."""
+    """Give every runner its own specimens by its number."""
     env.share_seeds(env_context.worker_index)
 
 
@@ -172,7 +177,7 @@ def log_success(*, episode: Any, metrics_logger: Any, **_: Any) -> None:
 def train(
     ppo: PPO, arguments: Arguments, run: Path, curve: Sequence[Mapping[str, Any]] = ()
 ) -> list[Mapping[str, Any]]:
-    """Train for a number of rounds, or until interrupted; the learning curve is always up to date in the run's folder.
+    """Train for some rounds or until interrupted, updating the curve.
 
     ``curve`` is that of a resumed run, up to its checkpoint.
     """
@@ -201,7 +206,7 @@ def train(
 
 
 def uncut_episode(arguments: Arguments, curve: Sequence[Mapping[str, Any]]) -> int:
-    """Return an episode that no environment of a run with this learning curve has reached: a cut takes a decision."""
+    """Return an episode that no environment of this curve has reached."""
     if not curve:
         return 0
     decisions = max(float(point["decisions"]) for point in curve)
@@ -218,7 +223,7 @@ def network(ppo: PPO) -> Network:
 
 
 def record_run(arguments: Arguments, run: Path, packages: Sequence[str] = PACKAGES) -> dict[str, Any]:
-    """Store in a run's folder what the run depends on; for a resumed run, also where it resumed."""
+    """Store the run's dependencies in its folder, also when resumed."""
     seeds = arguments.training_seeds
     facts = {
         "agent": "PPO of RLlib",

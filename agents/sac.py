@@ -1,4 +1,4 @@
-"""SAC, written out with the parts of the package: off-policy, with a script's decisions in the replay buffer.
+"""SAC from parts of the package: off-policy, with scripted replays.
 
     python agents/sac.py                            some four minutes; writes runs/<name>/policy/
     python agents/sac.py --timesteps 30000 --name mine

@@ -1,4 +1,4 @@
-"""TQC, written out with the parts of the package: SAC whose critics estimate quantiles of the return.
+"""TQC from parts of the package: SAC with quantile critics.
 
     python agents/tqc.py                              some four minutes; writes runs/<name>/policy/
     python agents/tqc.py --timesteps 30000 --name mine
