@@ -1,4 +1,4 @@
-"""Gentle cutting of soft tissue: measured forces, a law that conserves energy, tasks for agents and people.
+"""Gentle cutting of soft tissue: physics, tasks, agents and people.
 
 Importing it registers the environments with Gymnasium by name; heavy modules are imported when one is made.
 """
@@ -16,7 +16,7 @@ __version__ = "0.1.0"
 
 
 def register(task: RegisteredTask) -> None:
-    """Add a task: Gymnasium makes its environments, and commands, reports and learners know it by its name."""
+    """Register a task with Gymnasium, commands, reports and learners."""
     TASKS[task.name] = task
     places = task.places
     gymnasium.register(id=task.id, entry_point=places["single"], vector_entry_point=places["vector"])
