@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import ast
+import inspect
 import io
 import json
 import math
@@ -64,6 +65,7 @@ LABELS = {
     "docstrings": "docstrings in cutenv, agents and scripts",
     "fragments": "... that begin with Of, What, How, Where, Why, Whether or As",
     "d401": "... not in the imperative (ruff D401)",
+    "summary_words": "words of a first paragraph in cutenv, mean",
     "word": f'"{WORD}" in cutenv, agents and scripts',
     "files": "files of cutenv",
     "file_median": "lines a file, median",
@@ -139,6 +141,7 @@ def measures(root: Path = ROOT) -> Measures:
         "docstrings": sum(1 for path in _sources(root, *CODE) for _ in docstrings(_tree(path))),
         "fragments": len(fragments(root)),
         "d401": d401_count(root),
+        "summary_words": summary_words(root),
         "word": sum(path.read_text(encoding="utf-8").lower().count(WORD) for path in _sources(root, *CODE)),
         "files": len(sizes),
         "file_median": statistics.median(sizes),
@@ -258,6 +261,12 @@ def docstrings(tree: ast.Module) -> Iterator[tuple[int, str]]:
                     after_assignment = number > 0 and isinstance(body[number - 1], ast.Assign | ast.AnnAssign)
                     if after_assignment or (documented and number == 0):
                         yield statement.lineno, text
+
+
+def summary_words(root: Path) -> float:
+    """Count the words of the first paragraph of a docstring of cutenv, on average."""
+    texts = [inspect.cleandoc(text) for path in _sources(root, PACKAGE) for _, text in docstrings(_tree(path))]
+    return round(statistics.mean(len(text.partition("\n\n")[0].split()) for text in texts), 1)
 
 
 def d401_count(root: Path) -> int | None:

@@ -133,6 +133,10 @@ def test_every_docstring_names_its_subject(folder: str) -> None:
     assert not wrong, "begin with the noun or verb instead:\n" + "\n".join(wrong)
 
 
+def test_a_docstring_begins_with_few_words() -> None:
+    assert measure_codebase.summary_words(ROOT) <= 10.0
+
+
 WORDS = {"beside": "channels", "laid": "mounted", "told": "what is reported", "untold": "pending"}
 """Words that no public name has, each with a word that a reader would search for."""
 
