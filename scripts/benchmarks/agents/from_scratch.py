@@ -51,12 +51,18 @@ SHOWN: dict[str, Callable[..., VecEnv]] = {
     "truth": partial(NativeVecEnv, hidden_state=True),
 }
 """Environments by what is shown: numbers of the observation, features of ``cutenv train``, numbers and hidden state."""
-LEARNERS = {"ppo": "PPO", "memory": "PPO with a memory", "sac": "SAC", "easier": "PPO, easier at first"}
+LEARNERS = {
+    "falling": "PPO", "ppo": "PPO that learns its deviation", "memory": "PPO with a memory", "sac": "SAC",
+    "easier": "PPO, easier at first",
+}  # fmt: skip
 STYLES = {"raw": "-", "features": "--", "truth": ":"}
 """Lines of their curves."""
-INPUTS = {"ppo": tuple(SHOWN), "memory": ("raw", "features"), "sac": ("raw", "features"), "easier": ("features",)}
+INPUTS = {
+    "falling": tuple(SHOWN), "ppo": tuple(SHOWN), "memory": ("raw", "features"), "sac": ("raw", "features"),
+    "easier": ("features",),
+}  # fmt: skip
 """Inputs of each learner, each in runs of its own."""
-DECISIONS = {"ppo": 2_000_000, "memory": 2_000_000, "sac": 200_000, "easier": 2_000_000}
+DECISIONS = dict.fromkeys(LEARNERS, 2_000_000) | {"sac": 200_000}
 """Decisions of a training, by learner."""
 POINTS, SPECIMENS, HELD_OUT = 10, 200, 1000
 """Points of a curve, on so many validation specimens; at the end so many held-out specimens are cut."""
@@ -67,7 +73,7 @@ RATE, SLOW_RATE = 10, 5
 FORWARD, UNTIL = 0.3, 0.5
 """Speed action at first, and share of the training in which the task is easier."""
 PPO_SETTINGS: dict[str, Any] = {"n_steps": 256, "batch_size": 1024, "n_epochs": 8, "gamma": 1.0}
-LEARNING_RATE, DEVIATION = 1e-3, 0.8
+LEARNING_RATE, DEVIATION, LAST_DEVIATION = 1e-3, 0.8, 0.1
 SAC_SETTINGS: dict[str, Any] = {
     "learning_starts": 5000, "train_freq": 10, "gradient_steps": 64, "batch_size": 256, "gamma": 0.99,
     "policy_kwargs": {"net_arch": [64, 64]},
@@ -118,6 +124,8 @@ class Run(NamedTuple):
             "MlpPolicy", envs, seed=self.seed, device="cpu", policy_kwargs={"log_std_init": math.log(DEVIATION)},
             learning_rate=lambda left: LEARNING_RATE * max(left, 0.05), **PPO_SETTINGS,
         )  # fmt: skip
+        if self.learner == "falling":
+            model.policy.log_std.requires_grad_(False)
         if easier:
             torch.nn.init.constant_(model.policy.action_net.bias[0], FORWARD)
         model.learn(curve.decisions, callback=Watch(curve))
@@ -165,7 +173,7 @@ class Curve:
 
 
 class Watch(BaseCallback):
-    """Callback that shows a curve the model, and tells easier environments how much of the training is done."""
+    """Callback that shows a curve the model, and sets what changes with the share of the training that is done."""
 
     def __init__(self, curve: Curve) -> None:
         super().__init__()
@@ -177,8 +185,12 @@ class Watch(BaseCallback):
         return True
 
     def _on_rollout_start(self) -> None:
+        share = self.num_timesteps / self._curve.decisions
         if isinstance(self.training_env, EasierEnvironments):
-            self.training_env.share = self.num_timesteps / self._curve.decisions
+            self.training_env.share = share
+        if isinstance(self.model, PPO) and not self.model.policy.log_std.requires_grad:
+            deviation = DEVIATION + (LAST_DEVIATION - DEVIATION) * min(share, 1.0)
+            self.model.policy.log_std.data.fill_(math.log(deviation))
         if not isinstance(self.model, SAC):
             self._curve.watch(act_of(self.model), self.num_timesteps)
 
@@ -312,7 +324,7 @@ def draw(folder: Path, path: Path) -> None:
     runs = kept(folder)
     tasks = [task for task in LEARNED if any(run.task == task for run in runs)]
     figure, axes = plt.subplots(len(tasks), 2, figsize=(10.0, 2.6 * len(tasks)), layout="constrained", squeeze=False)
-    colours = dict(zip(LEARNERS, ("tab:blue", "tab:orange", "tab:green", "tab:red"), strict=True))
+    colours = dict(zip(LEARNERS, ("tab:blue", "tab:purple", "tab:orange", "tab:green", "tab:red"), strict=True))
     for task, learner, shown, own in groups(runs):
         pair = axes[tasks.index(task)]
         for number, run in enumerate(own):

@@ -53,13 +53,26 @@ def test_every_learner_has_a_curve_that_ends_on_held_out_specimens(folder):
 
 def test_the_table_has_them_beside_the_best_script_and_the_picture_is_drawn(folder, tmp_path):
     table = from_scratch.report(folder).splitlines()[2:]
-    assert len(table) == 2 + 1 + 8
+    assert len(table) == 2 + 1 + len(from_scratch.cells(from_scratch.LEARNERS))
     assert table[2].startswith("| gentle | script: return stroke |")
     (row,) = [line for line in table if "| PPO with a memory | features |" in line]
     last = from_scratch.kept(folder)[from_scratch.Run("gentle", "memory", "features", 0)][-1]
     assert f"| {last['return']:.3f} | {100.0 * last['success']:.0f} |" in row
     from_scratch.draw(folder, tmp_path / "curves.png")
     assert (tmp_path / "curves.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(("learner", "last"), [("falling", 0.1 + 0.7 / 3.0), ("ppo", 0.8)])
+def test_the_deviation_falls_if_it_is_not_learned(monkeypatch, learner, last):
+    ended = []
+    monkeypatch.setattr(from_scratch, "act_of", lambda model: ended.append(model) or (lambda *seen: seen))
+    monkeypatch.setattr(from_scratch, "PPO_SETTINGS", from_scratch.PPO_SETTINGS | {"n_steps": 40, "batch_size": 64})
+    monkeypatch.setattr(from_scratch.Curve, "add", lambda *_: None)
+    run = from_scratch.Run("gentle", learner, "raw", 0)
+    run._by_ppo(range(4), from_scratch.Curve(run.environments(range(2)), 480))
+    deviation = ended[-1].policy.log_std.exp().detach().numpy()
+    assert deviation == pytest.approx(last, rel=1e-6 if learner == "falling" else 0.05)
+    assert (np.ptp(deviation) == 0.0) == (learner == "falling")
 
 
 def test_learners_see_what_they_are_said_to_see():
