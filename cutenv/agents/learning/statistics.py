@@ -45,12 +45,14 @@ def print_table(summary: Sequence[Mapping[str, Any]], scores: Sequence[str] = SH
     """Print policies' chosen scores with intervals, best return first."""
     values = {(row["policy"], row["score"]): row for row in summary}
     policies = sorted({row["policy"] for row in summary}, key=lambda name: -values[name, "return"]["mean"])
-    width = max(len(name) for name in policies) + 2
-    print("".ljust(width) + "".join(score.rjust(24) for score in scores))
-    for policy in policies:
-        cells = [values[policy, score] for score in scores]
+    columns = [["", *policies]]
+    for score in scores:
+        cells = [values[policy, score] for policy in policies]
         shown = [f"{cell['mean']:.3f} [{cell['low_95']:.3f}, {cell['high_95']:.3f}]" for cell in cells]
-        print(policy.ljust(width) + "".join(text.rjust(24) for text in shown))
+        columns.append([score, *shown])
+    first, *widths = (max(map(len, column)) + 2 for column in columns)
+    for name, *row in zip(*columns, strict=True):
+        print(name.ljust(first) + "".join(text.rjust(width) for text, width in zip(row, widths, strict=True)))
 
 
 def print_differences(rows: Sequence[Mapping[str, Any]]) -> None:

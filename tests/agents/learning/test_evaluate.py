@@ -26,6 +26,7 @@ from cutenv.agents.learning.statistics import (
     by_policy,
     differences,
     mean_with_interval,
+    print_table,
     summarise,
     write_csv,
 )
@@ -101,6 +102,15 @@ def test_a_summary_has_every_number_of_every_policy_and_no_text():
     assert list(by_policy(ROWS)) == ["ours", "theirs"]
     assert best_script(summary, ["theirs", "ours", "nobody"]) == "ours"
     assert best_script(summary, ["theirs"]) == "theirs"
+
+
+def test_the_wide_cells_of_a_table_do_not_run_into_each_other(capsys):
+    numbers = {"return": -0.1, "success": 0.0, "largest_line_distance_mm": 90.9987}
+    cells = [{"score": score, "mean": mean, "low_95": mean, "high_95": 103.5821} for score, mean in numbers.items()]
+    print_table([{"policy": "nothing", **cell} for cell in cells], tuple(numbers))
+    header, row = capsys.readouterr().out.splitlines()
+    assert header.split() == [*numbers]
+    assert re.split("  +", row)[1:] == [f"{mean:.3f} [{mean:.3f}, 103.582]" for mean in numbers.values()]
 
 
 def test_seeds_for_training_validation_and_test_are_disjoint():
