@@ -23,7 +23,7 @@ from cutenv.sim.cutting.drive import DRIVES
 from cutenv.sim.plant.simulator import ANGLE_RANGE, SimulatedPlant
 from cutenv.sim.tissue.specimen import CLASSES, Specimen
 from cutenv.sim.tissue.specimen_kernels import sample_all_profiles
-from cutenv.task.beginning import LONGEST, SHORTEST
+from cutenv.task.beginning import LONGEST, SHORTEST, begin_one
 from cutenv.task.declare import Task
 from cutenv.task.episode import Episode, Goal, TaskOptions
 from cutenv.task.info import COST, GROUPS, OUT_OF_RANGE
@@ -206,6 +206,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._seed: int | None = None
         self._episode = 0
         self._ended = True
+        self._stepped = False  # a planner is shown cuts at their start, and steps none
         self._viewer: Any = None
         self._undrawn: list[StructArray] = []  # readings since the last picture
         self.plant: SimulatedPlant
@@ -232,7 +233,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         for name in options:
             one_of("option", name, RESET_OPTIONS)
         if self._seed is None:
-            warn_before_first_compile(step_one(self.task), sample_all_profiles)
+            warn_before_first_compile(begin_one(self.task), sample_all_profiles)
         if seed is not None or self._seed is None:
             self._seed = int(self.np_random.integers(2**63)) if seed is None else seed
             self._episode = 0
@@ -338,6 +339,9 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             )
         if (most := self.greatest_action) < 1.0:
             command[0] = min(max(command[0], -most), most)
+        if not self._stepped:
+            warn_before_first_compile(step_one(self.task))
+            self._stepped = True
         cutting = self.cutting
         observation, reward = cutting.step(command)
         if self.render_mode is not None and cutting.readings is not None:

@@ -30,7 +30,7 @@ from cutenv.sim.tissue.description import measured_liver
 from cutenv.sim.tissue.specimen import Specimen, nominal_tissue
 from cutenv.sim.tissue.specimen_kernels import sampler, tissue_modes
 from cutenv.task.beginning import GIVEN, LIVER, LONGEST, MIXED, VASCULAR, Drawing, Keys, Start, begin_some
-from cutenv.task.declare import Cuts
+from cutenv.task.declare import Cuts, Task
 from cutenv.task.episode import ShownDepth
 from cutenv.task.info import GROUPS, INFO, column
 from cutenv.task.observation import all_within_reach
@@ -41,6 +41,11 @@ _SOURCES = {"liver": LIVER, "vascular": VASCULAR, "mixed": MIXED}
 _DRAWN = np.array(["liver", "vascular"], dtype=object)
 _NO_READINGS = np.zeros((0, 0), READING)  # given to a kernel that is to keep none
 _FEWEST_TICKS = 4000  # updates of all cuts, below which waking another thread costs more than it saves
+
+
+def warn_before_first_batch(task: Task) -> None:
+    """Print on stderr, once, that the first batch of a task compiles for some seconds, if it does."""
+    warn_before_first_compile(step_some(task), begin_some(task))
 
 
 class CutBatch:
@@ -349,7 +354,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
                 f"max_episode_steps = {max_episode_steps}: a batch does not truncate its cuts, which the deadline ends "
                 f'after {self.most_steps} decisions. Give deadline_s, or vectorization_mode="sync".'
             )
-        warn_before_first_compile(step_some(self.single.task), begin_some(self.single.task))
+        warn_before_first_batch(self.single.task)
         self.metadata = {
             **self.metadata,
             "render_fps": self.single.metadata["render_fps"],

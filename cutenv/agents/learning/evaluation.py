@@ -27,7 +27,7 @@ from cutenv.agents.policy.interface import as_array_policy
 from cutenv.agents.policy.shipped import policy_of_class
 from cutenv.envs import set_cores
 from cutenv.envs.gentle_cut import GentleCutEnv
-from cutenv.envs.vector import CutBatch
+from cutenv.envs.vector import CutBatch, warn_before_first_batch
 from cutenv.records.scoring import METRICS, Truth, score
 from cutenv.sim.cutting.dtypes import READING, TICK
 from cutenv.sim.plant.protocol import recorded_trace
@@ -327,6 +327,7 @@ def evaluate(
         whole_batch = isinstance(one.policy, ArrayPolicy) and not (metrics or one.policy.privileged)
         size = _BATCH if whole_batch else _SMALL_BATCH
         whole = {**arguments, **one.arguments}
+        warn_before_first_batch(task_of(whole)[0].task)
         parts += [(name, (one.policy, seeds[k : k + size], whole, metrics)) for k in range(0, len(seeds), size)]
     cuts = len(contestants) * len(seeds)
     with contextlib.ExitStack() as stack:
