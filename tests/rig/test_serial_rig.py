@@ -27,6 +27,7 @@ from cutenv.rig.devices.serial.board import board_line
 from cutenv.rig.drivers.conformance import Listening
 from cutenv.rig.drivers.slow_profile import RATES, slow_settings
 from cutenv.rig.hardware import rig_plant
+from cutenv.rig.imitated.emulator import process
 from cutenv.rig.imitated.emulator.process import RunningEmulator
 from cutenv.rig.imitated.emulator.serial_rig import (
     GRBL_FAULTS,
@@ -74,6 +75,14 @@ def blade(rig: EmulatedSerialRig) -> Iterator[tuple[Any, Listening]]:
     driver.open(listening)
     yield driver, listening
     driver.close()
+
+
+def test_the_notice_of_compiling_looks_for_the_kernels_of_a_serial_rig_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It would else be printed at every start by those who emulate no other rig."""
+    asked: list[Any] = []
+    monkeypatch.setattr(process, "warn_before_first_compile", lambda *kernels: asked.extend(kernels))
+    process.warm_up(serial=True)
+    assert [kernel.__name__ for kernel in asked] == ["follow", "measure"]
 
 
 def test_axis_and_load_cell_share_one_port_and_both_report(rig: EmulatedSerialRig) -> None:

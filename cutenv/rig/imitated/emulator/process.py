@@ -64,7 +64,8 @@ def warm_up(*, across: Sequence[str] = (), serial: bool = False) -> None:
     """Compile or load the kernels of a millisecond beforehand."""
     in_plane: list[Any] = [follow(STEERED)] if "side" in across else []
     upright = DESCENDING if "height" in across else STRAIGHT
-    warn_before_first_compile(follow(upright), *in_plane, measure, turn_motor)
+    motors: list[Any] = [] if serial else [turn_motor]  # a serial rig turns its own
+    warn_before_first_compile(follow(upright), *in_plane, measure, *motors)
     for line in (None, straight())[: 1 + len(in_plane)]:
         mounted = MountedSpecimen(specimen_class="liver", line=line)
         rig: EmulatedBench
