@@ -15,7 +15,7 @@ import time
 from collections.abc import Mapping, Sequence
 from types import FrameType
 
-_PROGRESS = re.compile(r"(?P<share>\d+)%\|.*?(?:, (?P<shown>return .*))?\]$")
+_PROGRESS = re.compile(r"(?P<step>[^:]+): +(?P<share>\d+)%\|.*?(?:, (?P<shown>return .*))?\]$")
 _QUIET = 20.0  # seconds between lines of progress where no terminal shows them in place
 _LOOK = 0.5  # seconds between looks at the processes
 
@@ -36,7 +36,7 @@ class Training:
     def __init__(self, name: str, command: Sequence[str]) -> None:
         self.name = name
         self.progress = "begins"
-        """Last progress that it printed, such as "45 %, return 0.31, success 0.42"."""
+        """Last progress that it printed, such as "training 45 %, return 0.31, success 0.42"."""
         self.printed: list[str] = []
         """Lines that it printed, without its bars of progress."""
         own_group = os.name != "nt"  # so that Ctrl-C reaches it once, from here
@@ -53,7 +53,7 @@ class Training:
             found = _PROGRESS.search(line.rstrip())
             if found:
                 shown = f", {found['shown']}" if found["shown"] else ""
-                self.progress = f"{found['share']} %{shown}"
+                self.progress = f"{found['step']} {found['share']} %{shown}"
             elif line.strip() or (self.printed and self.printed[-1]):  # bars that are gone leave empty lines
                 self.printed.append(line.rstrip())
 

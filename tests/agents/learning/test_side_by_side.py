@@ -10,7 +10,7 @@ import pytest
 from program import run
 
 from cutenv.agents.learning import side_by_side
-from cutenv.agents.learning.side_by_side import train_side_by_side
+from cutenv.agents.learning.side_by_side import Training, train_side_by_side
 from cutenv.commands.train import main
 
 SAYS = "import sys, time; print('began'); [print(f'\\rtraining:  {k}0%|# | 1/9 [00:01<00:09, 8cut/s, return 0.{k}, success 0.5]', end='', file=sys.stderr, flush=True) or time.sleep(0.2) for k in range(9)]; print('\\nscore 7')"  # noqa: E501
@@ -30,6 +30,12 @@ def test_what_each_prints_is_kept_together_and_told_when_it_ends_with_the_status
         assert "began" in each
         assert "score 7" in each
         assert "|#" not in each  # a bar is progress, which is no result
+
+
+def test_progress_names_its_step_for_each_of_them_counts_from_zero():
+    training = Training("one", [sys.executable, "-c", SAYS])
+    assert training.end() == 0
+    assert training.progress == "training 80 %, return 0.8, success 0.5"
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
