@@ -72,7 +72,7 @@ def shortened(words: list[str], folder: Path) -> list[str]:
     runs = sorted(folder.glob("runs/*/policy"), key=lambda path: path.stat().st_mtime)
     agent = runs[-1].parent.relative_to(folder).as_posix() if runs else "runs/NAME"
     line = line.replace("runs/NAME", agent)
-    line = re.sub(r"runs/NAME(/policy)?", "ppo-path" if "steer by" in line else "ppo-free", line)
+    line = re.sub(r"runs/NAME(/policy)?", "ppo-free", line)
     found = []
     for word in shlex.split(line):
         files = sorted(path.relative_to(folder).as_posix() for path in folder.glob(word)) if "*" in word else []
