@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -89,7 +90,9 @@ def main(argv: Sequence[str]) -> int:
     best: Any = task.scripts[task.script]()
     script = demo_cuts(best, {**angles, **getattr(best, "environment_arguments", {})}, specimens, task.script, task)
     _print_table({name: agent, task.script: script}, task)
-    print(f"\nSo few cuts decide nothing; 200 specimens do: cutenv evaluate {arguments.policy} '{task.script}'")
+    same = [word for name, value in drawn.items() for word in (f"--{name.replace('_', '-')}", value)]
+    compared = shlex.join([arguments.policy, task.script, *same])
+    print(f"\nSo few cuts decide nothing; 200 specimens do: cutenv evaluate {compared}")
     _write({name: agent[0], task.script: script[0]}, arguments)
     return 0
 

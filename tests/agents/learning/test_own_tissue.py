@@ -53,3 +53,4 @@ def test_the_guide_leads_from_records_to_an_agent_on_ones_own_tissue(
     assert run["arguments"]["tissue"] == "my_tissue.json"
     assert "of my_tissue.json" in printed["train"]
     assert "return stroke" in printed["evaluate"]
+    assert "--tissue my_tissue.json" in printed["demo"]

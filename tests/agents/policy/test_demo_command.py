@@ -31,7 +31,7 @@ def test_the_means_are_those_of_the_specimens_and_a_picture_is_written(
     assert cli.main(["demo", "--specimens", "2", "--out", str(out)]) == 0
     printed = capsys.readouterr().out
     assert printed.count("force_limit") == 2, "both fail at the second specimen, and it is told how"
-    assert "cutenv evaluate ppo-free 'return stroke'" in printed
+    assert "cutenv evaluate ppo-free 'return stroke' --specimen-class mixed\n" in printed
     shown = rows(printed)
     first, second, mean = shown[:2], shown[2:4], shown[4:]
     for k, name in enumerate(("ppo-free", "return stroke")):
