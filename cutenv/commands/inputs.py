@@ -27,6 +27,8 @@ MAPPED_SUFFIXES = (
 )  # fmt: skip
 """Endings of other programs' files, which are looked for, too, where a mapping is given or kept."""
 
+_MOST_TOLD = 3  # records on each of which an option without effect is told in a line of its own
+
 
 class Source(NamedTuple):
     """Source of a cut: file, and number from 1.
@@ -189,16 +191,20 @@ def targets(traces: list[Trace], given: float | None) -> tuple[list[float | None
     A record's own target is what the cut was aimed at, so the option holds only for records without one.
     """
     own = [trace.metadata.get("target_length_m") for trace in traces]
-    notes = []
+    notes: dict[str, list[str]] = {"have no position": [], "hold their own targets": []}
     for trace, length in zip(traces, own, strict=True):
         if given is None:
             break
         effect = f"{trace.metadata['name']}: --target-length has no effect, because the record"
         if trace.position is None:
-            notes.append(f"{effect} has no position")
+            notes["have no position"].append(f"{effect} has no position")
         elif isinstance(length, int | float) and abs(length - given) > 0.5e-4:
-            notes.append(f"{effect} holds its own target, {1e3 * length:.1f} mm")
-    return [given if length is None else length for length in own], notes
+            notes["hold their own targets"].append(f"{effect} holds its own target, {1e3 * length:.1f} mm")
+    told = []
+    for why, each in notes.items():
+        many = f"--target-length has no effect on {len(each)} of {len(traces)} records, which {why}"
+        told += each if len(each) <= _MOST_TOLD else [many]
+    return [given if length is None else length for length in own], told
 
 
 def given_mapping(arguments: argparse.Namespace) -> ColumnMap | None:

@@ -12,6 +12,7 @@ import pytest
 from scored_cuts import TARGET, cut
 
 from cutenv.commands import cli
+from cutenv.commands.inputs import targets
 from cutenv.display.report.score_page import ScoredRecord, write_score_page
 from cutenv.records import save
 from cutenv.records.scoring import METRICS, ReferenceSet, score
@@ -204,6 +205,12 @@ def test_an_option_never_replaces_the_target_that_a_cut_was_aimed_at(
     assert "a: --target-length has no effect, because the record holds its own target, 75.0 mm" in err
     card = score(cut(UPRIGHT), target_length=TARGET, reference=ReferenceSet.shipped())
     assert json.loads((tmp_path / "a_score.json").read_text())["overall_score"] == pytest.approx(card.overall_score)
+
+
+def test_an_option_without_effect_on_many_records_is_said_in_one_line() -> None:
+    lengths, (said,) = targets([named(UPRIGHT, f"{k}", target_length_m=TARGET) for k in range(9)], 0.095)
+    assert lengths == [TARGET] * 9
+    assert said == "--target-length has no effect on 9 of 9 records, which hold their own targets"
 
 
 def test_a_folder_and_a_pattern_stand_for_the_records_in_them(
