@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import shlex
 import shutil
 import sys
 from collections.abc import Mapping, Sequence
@@ -119,7 +120,7 @@ def _print(path: Path, found: Imported | RecordError) -> None:
     for question in found.questions:
         print(f"  question: {question}")
     if found.mapping is not None:
-        print(f"score it: cutenv score {path} {found.mapping}")
+        print(f"score it: cutenv score {shlex.quote(path.as_posix())} {found.mapping}")
     print()
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import secrets
+import shlex
 import sys
 from collections.abc import Sequence
 from importlib.util import find_spec
@@ -112,7 +113,7 @@ def main(argv: Sequence[str]) -> int:
         print(session.card.headline())
         if agent is not None:
             print(session.cut.map_words)
-        print(f"in full: cutenv score {session.records[-1]}")
+        print(f"in full: cutenv score {shlex.quote(session.records[-1].as_posix())}")
     if course is not None:
         print(f"{course.verdict} {course.ahead()}".strip())
     if arguments.picture is not None:

@@ -49,7 +49,7 @@ def test_records_questions_and_rows_left_out_are_printed_as_json(
 
 
 def test_the_last_line_is_the_command_that_scores_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "trial.csv"
+    path = tmp_path / "trial 12.csv"
     path.write_text("t [s],Load,x [mm]\n" + ROWS)
     assert cli.main(["look", str(path), "--yes"]) == 0
     shown = capsys.readouterr().out
@@ -58,7 +58,7 @@ def test_the_last_line_is_the_command_that_scores_it(tmp_path: Path, capsys: pyt
     assert "cut 1" in shown
     command = shown.rpartition("score it: cutenv ")[2]
     assert cli.main([*shlex.split(command), "--out", str(tmp_path / "scored")]) == 0
-    assert (tmp_path / "scored" / "trial_score.html").is_file()
+    assert (tmp_path / "scored" / "trial_12_score.html").is_file()
 
 
 def test_a_terminal_without_braille_is_drawn_in_ascii(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
