@@ -120,6 +120,8 @@ class BeadTracks:
 
         Raises
         ------
+        FileNotFoundError
+            If there is no file.
         ValueError
             If it is not such a file, or lacks a column.
         """
@@ -128,8 +130,8 @@ class BeadTracks:
 
         try:
             table = parquet.read_table(path, page_checksum_verification=True)
-        except FileNotFoundError:
-            raise
+        except FileNotFoundError:  # its own text is the path alone
+            raise FileNotFoundError(f"no such file: {path}.") from None
         except (pyarrow.ArrowException, OSError) as error:
             raise ValueError(f"{path} is not a Parquet file, or it is damaged: {error}") from None
         missing = [name for name in TRACK_COLUMNS if name not in table.column_names]

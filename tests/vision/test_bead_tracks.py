@@ -67,3 +67,8 @@ def test_a_damaged_file_is_a_clear_error(tmp_path):
         path.write_bytes(bytes(damaged)[: rng.integers(1, len(whole) + 1)])
         with contextlib.suppress(ValueError):  # where the damage does not show, the numbers are others
             BeadTracks.load(path)
+
+
+def test_a_file_that_is_not_there_is_said_to_be_missing(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"no such file: .*tracks\.parquet"):
+        BeadTracks.load(tmp_path / "tracks.parquet")
