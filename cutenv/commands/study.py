@@ -66,8 +66,9 @@ def main(argv: Sequence[str]) -> int:
     )
     print("\n".join([*table_lines(study), *crossover_lines(study)]))
     if arguments.until is not None:
-        for report in _decided(study, question, arguments.mark):
-            print("\n".join(["", *report.lines()]))
+        for k, report in enumerate(_decided(study, question, arguments.mark)):
+            every = f"note: {report.remarks[0]}"  # holds for each person, and is said once
+            print("\n".join(["", *(line for line in report.lines() if k == 0 or line != every)]))
     for each in refused:
         print(f"note: left out: {each.name}: {each.reason}")
     if arguments.out is not None:

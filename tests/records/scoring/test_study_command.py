@@ -256,6 +256,7 @@ def test_people_and_groups_are_compared_until_it_is_decided(records, capsys):
     assert run(*given, "--mark", "1") == 0
     said = capsys.readouterr().out
     assert said.count("against the mark 1") + said.count("than the mark 1") == len((*NOVICES, *EXPERTS))
+    assert said.count("A decision is wrong with a probability of") == 1
     assert run(*given, "--groups", "expert", "novice") == 0
     said = capsys.readouterr().out
     assert "expert against novice is undecided in overall score" in said
