@@ -118,7 +118,8 @@ def _decided(study: Study, question: SequentialQuestion, mark: float | None) -> 
     ]
     pairs = list(zip(*means, strict=False))
     alone = abs(len(means[0]) - len(means[1]))
-    notes = [f"{alone} of the larger group have no partner yet, and do not count"] * bool(alone)
+    verb = "has" if alone == 1 else "have"
+    notes = [f"{alone} of the larger group {verb} no partner yet; not counted"] * bool(alone)
     return [report(*study.groups, [a - b for a, b in pairs], "pairs of people", *notes)]
 
 

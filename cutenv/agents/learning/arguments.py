@@ -100,7 +100,7 @@ class LearnerArguments:
     """Names of the tasks that the learner is for."""
 
     task: str = option("gentle", f"task to learn, {tasks_in_words(TASKS)}", TASKS)
-    name: str = option("", "name of the run's folder below runs/; default date and time", metavar="NAME")
+    name: str = option("", "name of the run's folder below runs/; default learner, date and time", metavar="NAME")
     seed: int = option(
         0, "seed of networks, exploration and training specimens", (0, len(TRAINING_SEEDS) // MAX_ENVIRONMENTS - 1)
     )
