@@ -114,7 +114,7 @@ _OFF_LINE = (
 )
 
 
-def _excision(name: str, stem: str, along: str, scripts: str, script: str) -> RegisteredTask:
+def _excision(name: str, stem: str, along: str, scripts: str, script: str, **options: Any) -> RegisteredTask:
     """Return the registry entry of cutting along one excision side."""
     return RegisteredTask(
         name=name,
@@ -128,7 +128,7 @@ def _excision(name: str, stem: str, along: str, scripts: str, script: str) -> Re
         scripts=f"cutenv.agents.policy.path_policies:{scripts}",
         script=script,
         planner="cutenv.agents.policy.third_axis_planners:PathPlanner",
-        options=_ALONG_LINE,
+        options=_ALONG_LINE | options,
         infos="cutenv.agents.learning.demonstration:PATH_INFOS",
     )  # fmt: skip
 
@@ -196,7 +196,7 @@ _SHIPPED = (
     _excision("excision", "Excision", "along one side of an excision", "EXCISION_SCRIPTS", "excision by force"),
     _excision(
         "hand-excision", "HandExcision", "along one side of an excision, with a hand that yields", "HAND_SCRIPTS",
-        "excision by hand and force",
+        "excision by hand and force", timesteps=9_000_000,
     ),
 )  # fmt: skip
 TASKS = {each.name: each for each in _SHIPPED}
