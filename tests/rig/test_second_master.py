@@ -75,6 +75,33 @@ def test_a_master_that_goes_on_enabling_moves_a_cutting_blade_by_less_than_a_mil
     assert rig.node.state is not DriveState.ENABLED
 
 
+def test_each_of_its_frames_is_answered_by_a_quick_stop_even_at_rest_and_with_nobody_who_repeats():
+    """Repeated quick stops would hide a frame that is not answered."""
+    rig = HandMovedRig().ready()
+    rig.cut(0.015, 0.5)
+    rig.plant.spine.timers[1].stop()  # the repeated quick stops
+    came: list[float] = []
+    put = rig.network.put
+
+    def noted(number: int, data: bytes) -> None:
+        came.append(rig.clock.now() + rig.network.way)
+        put(number, data)
+
+    rig.network.put = noted  # type: ignore[method-assign]
+    Intruder(rig, every=0.003, lasts=0.1)
+    start = rig.position
+    cut_into(rig)
+    rig.wait(0.5)
+    rig.network.put(0x201, intrusion())  # once more, long after the blade has come to rest
+    rig.wait(0.1)
+    stops = [time for time, number, data in rig.network.sent if number == 0x201 and data[0] == 0x0B]
+    assert len(came) > 20
+    for moment in came:
+        assert any(0.0 <= time - moment <= 0.001 for time in stops), f"a frame that came at {moment:.4f} s"
+    assert abs(rig.position - start) < ALLOWED
+    assert rig.node.state is not DriveState.ENABLED
+
+
 @pytest.mark.parametrize("powered", [True, False])
 def test_a_locked_rig_is_not_set_going(powered):
     rig = HandMovedRig().ready()
