@@ -153,10 +153,10 @@ def text(kept: dict[str, Any]) -> str:
         f"{counts.get('cuts', 0)} cuts, {counts.get('decisions', 0)} decisions",
         f"{kept['machine']['cores']} cores; real-time priority ({allowed})",
         "",
-        f"{'[ms]':27s}" + "".join(f"{name:>9s}" for name in ("50 %", "99 %", "99.9 %", "max")),
+        f"{'[ms]':29s}" + "".join(f"{name:>9s}" for name in ("50 %", "99 %", "99.9 %", "max")),
     ]
     for name, values in kept["percentiles_ms"].items():
-        lines.append(f"{name:27s}" + "".join(f"{value:9.2f}" for value in values))
+        lines.append(f"{name:29s}" + "".join(f"{value:9.2f}" for value in values))
     stops = ", ".join(f"{cause} {count}" for cause, count in sorted(kept["stops"].items())) or "none"
     lines += [
         "",
