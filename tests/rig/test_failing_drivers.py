@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import struct
 import threading
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -17,7 +18,7 @@ from cutenv.rig import spine
 from cutenv.rig.devices.host import SystemClock
 from cutenv.rig.devices.protocols import DriveState, ForceSample
 from cutenv.rig.imitated.fake_rig import FakeRig
-from cutenv.rig.safety.stop_causes import Cause, RigStopped
+from cutenv.rig.safety.stop_causes import AGAIN, Cause, RigStopped
 
 UPRIGHT = math.pi / 2
 OVER = ForceSample(0.0, (30.0, 0.0, 0.0), (7, 1, 2, 3, 4, 5), 0, 0, 0)
@@ -83,6 +84,27 @@ def test_a_quick_stop_that_fails_spares_no_other_axis_and_ends_the_heartbeat(hun
     assert (len(asked) > 8) is fails  # again and again; not, while one is under way
     assert rig.blade.sent[-1][1] == "abandoned"
     assert "our heartbeat ends" in rig.plant.supervisor.report.detail
+
+
+def test_a_repeated_quick_stop_that_hangs_holds_up_no_other_and_ends_the_heartbeat_of_a_drive_that_is_not_seen(hung):
+    rig = ready_rig()
+    rig.plant.advance(0.01, UPRIGHT, 200)
+    rig.faults.motion_silent = True
+    asked: list[float] = []
+
+    def hang_later(**named: bool) -> None:
+        asked.append(rig.clock.now())
+        if len(asked) == 2:
+            hung()
+
+    rig.blade.quick_stop = hang_later
+    begun = time.monotonic()
+    rig.plant.supervisor.trip(Cause.OPERATOR, "as told")
+    rig.clock.sleep_until(rig.clock.now() + 0.3)
+    assert time.monotonic() - begun < 5.0
+    assert len(asked) == 2
+    assert len(rig.angle.sent) >= 0.28 / AGAIN - 3
+    assert rig.blade.sent[-1][1] == "abandoned"
 
 
 @pytest.mark.parametrize("fails", [True, False], ids=["raises", "hangs"])

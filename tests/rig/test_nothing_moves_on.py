@@ -94,6 +94,21 @@ def test_quick_stops_go_on_while_nothing_is_seen_and_end_once_it_is():
     assert len(rig.blade.sent) == told
 
 
+def test_a_drive_that_has_obeyed_and_is_no_longer_seen_is_told_again():
+    """Whoever gives it power then is not seen either."""
+    rig = ready_rig()
+    cut_for(rig, 0.2)
+    rig.plant.supervisor.trip(Cause.OPERATOR, "as told")
+    pass_time(rig, 0.2)
+    assert len(rig.blade.sent) == 1
+    rig.faults.motion_silent = True
+    pass_time(rig, 0.2)
+    rig.blade.state, rig.blade.target = DriveState.ENABLED, 0.01
+    pass_time(rig, 0.02)
+    assert rig.blade.state is DriveState.QUICK_STOP
+    assert {what for _, what in rig.blade.sent} == {"quick stop"}
+
+
 def test_a_drive_that_obeys_is_told_once():
     rig = ready_rig()
     cut_for(rig, 0.2)

@@ -102,6 +102,32 @@ def test_each_of_its_frames_is_answered_by_a_quick_stop_even_at_rest_and_with_no
     assert rig.node.state is not DriveState.ENABLED
 
 
+def test_frames_that_come_at_once_have_one_answer():
+    """Answers are no greater load on the bus than what they answer."""
+    rig = HandMovedRig().ready()
+    rig.cut(0.015, 0.5)
+    rig.network.sent.clear()
+    for _ in range(20):
+        rig.network.put(0x201, intrusion())
+    cut_into(rig)
+    stops = [time for time, number, data in rig.network.sent if number == 0x201 and data[0] == 0x0B]
+    assert len(stops) == 2  # the stop, and the answer
+
+
+def test_an_answer_that_is_lost_is_repeated_as_what_it_was():
+    """No command undoes it, also where the other master sends no second frame that would be answered."""
+    rig = HandMovedRig().ready()
+    rig.cut(0.015, 0.5)
+    drive, heals = rig.network.to_drive, rig.clock.now() + 0.008
+    rig.network.put(0x201, intrusion())
+    rig.network.to_drive = lambda frame: drive(frame) if rig.clock.now() > heals else None
+    cut_into(rig)
+    rig.wait(0.5)
+    assert rig.node.dictionary[0x605A] == 2
+    assert rig.node.state is DriveState.DISABLED
+    assert abs(rig.speed) < STILL
+
+
 @pytest.mark.parametrize("powered", [True, False])
 def test_a_locked_rig_is_not_set_going(powered):
     rig = HandMovedRig().ready()
