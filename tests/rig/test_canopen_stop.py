@@ -12,7 +12,7 @@ from made_up_drive import FAULT, QUICK_STOP, SWITCHED_ON
 from waiting import until
 
 from cutenv.rig.devices.canopen.axis import CanopenAxis
-from cutenv.rig.devices.protocols import DriveState
+from cutenv.rig.devices.protocols import DriveState, Event
 from cutenv.rig.errors import RigError
 
 
@@ -124,6 +124,16 @@ def test_a_quick_stop_while_it_is_cleared_is_a_stop_of_its_own(benches):
         bench.axis.enable()
     bench.clear()
     bench.axis.enable()
+
+
+def test_nothing_is_sent_to_an_axis_whose_latch_another_one_has_closed(benches):
+    bench = benches().ready()
+    sent = len(bench.drive.controlwords)
+    bench.axis.latch.happens(Event.STOP)
+    with pytest.raises(RigError, match="clear it first"):
+        bench.axis.command(0.01)
+    time.sleep(0.05)
+    assert bench.drive.controlwords[sent:] == []
 
 
 def hurry(axis: CanopenAxis, going: threading.Event) -> None:
