@@ -57,7 +57,7 @@ class HandMovedNetwork(CanNetwork):
         self._coming: deque[tuple[float, Frame]] = deque()
 
     def _open(self) -> None:
-        self._bus, self._message, self.broken, self._silent = self, Message, None, False
+        self._bus, self._message, self.broken = self, Message, None
         self._repeating = [
             self._clock.every(self.settings.sync, lambda now: self._sync(), "SYNC"),
             self._clock.every(self.settings.heartbeat, lambda now: self._beat(), "heartbeat"),

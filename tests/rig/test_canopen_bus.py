@@ -306,7 +306,7 @@ def refusal_or_break(port: int) -> str:
     told: list[str] = []
 
     class Member:
-        latch = Latch()
+        name, latch = "blade", Latch()
 
         def lost(self, why: str, time: float) -> None:
             told.append(why)
@@ -383,7 +383,7 @@ def test_a_gateway_that_goes_away_is_found_out_by_the_next_frames():
         told: list[str] = []
 
         class Member:
-            latch = Latch()
+            name, latch = "blade", Latch()
 
             def lost(self, why: str, time: float) -> None:
                 told.append(why)

@@ -46,7 +46,7 @@ def axis(network: CanNetwork, ear: Ear) -> Iterator[CanopenAxis]:
 
 
 class Nobody:
-    latch = Latch()
+    name, latch = "blade", Latch()
 
     def lost(self, why: str, time: float) -> None:
         raise AssertionError(why)

@@ -101,7 +101,7 @@ def test_one_axis_that_nobody_judges_ends_the_heartbeat_on_a_bus_of_two():
 def test_a_board_hears_no_sign_of_life_of_a_rig_that_nobody_judges():
     sent, watched = [], [True]
     board = SerialBoard("none", 9600, FakeClock())
-    board._members = [SimpleNamespace(watched=lambda now: True), SimpleNamespace(watched=lambda now: watched[0])]
+    board._members = [SimpleNamespace(sustained=lambda now: True), SimpleNamespace(sustained=lambda now: watched[0])]
     board.send = sent.append
     board._live()
     watched[0] = False

@@ -85,9 +85,9 @@ class AxisDriver(ABC):
     def _send_stop(self, *, for_good: bool = False) -> None:
         """Send a quick stop, from any thread, without waiting."""
 
-    @abstractmethod
     def _fall_silent(self) -> None:
-        """End what keeps the device's own watchdog from stopping it."""
+        """End what else than a sign of life keeps the device's own watchdog from stopping it; by default nothing."""
+        return
 
     @abstractmethod
     def _condition(self) -> str:
@@ -110,6 +110,7 @@ class AxisDriver(ABC):
             raise RigError(f"{self.name}: it is open already; close it first.")
         self._listener = listener
         self._may_move, self._error, self._lost = False, "", None
+        self.latch.regain(self.name)
         try:
             self._connect()
         except BaseException:
@@ -184,8 +185,8 @@ class AxisDriver(ABC):
         self._send_stop(for_good=for_good)
 
     def withhold_heartbeat(self, why: str) -> None:
-        """End the sign of life until :meth:`clear`; the device's watchdog then stops it."""
-        self.latch.happens(Event.STOP)
+        """End this computer's sign of life until a reset: the device's own watchdog then stops it."""
+        self.latch.forsake(self.name)
         self._may_move = False
         _log.warning("%s: %s: %s", self.name, why, self.silence)
         self._fall_silent()

@@ -64,7 +64,7 @@ WATCHFUL = 0.020
 
 
 class Latch:
-    """Phase of one rig, and when it was last judged.
+    """Phase of one rig, when it was last judged, and which axes hear nothing of this computer.
 
     May be read and changed from any thread.
 
@@ -74,11 +74,14 @@ class Latch:
     ----------
     judged : float or None
         Time at which the supervisor last judged the rig [s]; None where no supervisor does.
+    forsaken : frozenset of str
+        Axes that ignored their quick stops, and get no sign of life before the operator agrees to a reset.
     """
 
     def __init__(self) -> None:
         self._phase = Phase.UNREADY
         self.judged: float | None = None
+        self.forsaken: frozenset[str] = frozenset()
         self._changing = threading.Lock()
 
     @property
@@ -91,17 +94,36 @@ class Latch:
         """True while nothing may be sent that could give a drive power or speed."""
         return self._phase in (Phase.STOPPED, Phase.RESETTING)
 
-    def watched(self, now: float) -> bool:
-        """Return whether the rig was judged within :data:`WATCHFUL` of ``now`` [s], or has no supervisor."""
+    def sustains(self, axis: str, now: float) -> bool:
+        """Return whether an axis may get a sign of life: it is not forsaken, and the rig is judged at ``now`` [s].
+
+        A rig without a supervisor is judged by nobody, and need not be.
+        """
         judged = self.judged
-        return judged is None or now - judged <= WATCHFUL
+        return axis not in self.forsaken and (judged is None or now - judged <= WATCHFUL)
+
+    def forsake(self, axis: str) -> None:
+        """Stop, and let an axis have no sign of life, so that its own watch stops it."""
+        with self._changing:
+            self._happens(Event.STOP)
+            self.forsaken |= {axis}
+
+    def regain(self, axis: str) -> None:
+        """Let an axis that is opened again have signs of life."""
+        with self._changing:
+            self.forsaken -= {axis}
 
     def happens(self, event: Event) -> bool:
         """Change the phase as :data:`NEXT` defines; return whether it has an entry for this event."""
         with self._changing:
-            after = NEXT.get((self._phase, event))
-            self._phase = after or self._phase
-            return after is not None
+            return self._happens(event)
+
+    def _happens(self, event: Event) -> bool:
+        after = NEXT.get((self._phase, event))
+        self._phase = after or self._phase
+        if after is Phase.RESETTING:
+            self.forsaken = frozenset()
+        return after is not None
 
     @contextmanager
     def resetting(self) -> Iterator[None]:

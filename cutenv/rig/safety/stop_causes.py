@@ -256,14 +256,12 @@ class QuickStops:
     def __init__(self, axes: Mapping[str, MotionDriver], newest: Mapping[str, MotionSample], *, fresh: float) -> None:
         self._axes, self._newest, self._fresh = axes, newest, fresh
         self._deaf_since: dict[str, float] = {}
-        self._abandoned: set[str] = set()
         self._contested: dict[str, float] = {}  # time of the last answer [s]
         self._attempts: dict[str, Attempt] = {}
 
     def begin(self) -> list[str]:
         """Send the first quick stop to every axis; return the axes that could not be reached, each with the reason."""
         self._deaf_since.clear()
-        self._abandoned.clear()
         self._contested.clear()
         sent = {name: self._attempt(name) for name in self._axes}
         unreached, ends = [], time.monotonic() + RETURNS_WITHIN
@@ -287,12 +285,8 @@ class QuickStops:
                 self._attempt(name).ends(RETURNS_WITHIN)
             # The time counts from the first sample seen after the stop: a drive whose bus is off hears nothing, and may
             # come back late.
-            if (
-                (seen or hangs)
-                and now - self._deaf_since.setdefault(name, now) >= WITHHOLD_HEARTBEAT_AFTER
-                and name not in self._abandoned
-            ):
-                self._abandoned.add(name)
+            if (seen or hangs) and now - self._deaf_since.setdefault(name, now) >= WITHHOLD_HEARTBEAT_AFTER:
+                self._deaf_since[name] = math.inf  # once
                 report.detail += f" (the {name} drive ignores the quick stop: our heartbeat ends)"
                 self._fall_silent(name)
 

@@ -177,9 +177,6 @@ class CanopenAxis(AxisDriver):
             self._network.send_message(*o.quick_stop_option_frame(self._settings.node, o.STOP_AND_RELEASE))
         self._control(o.QUICK_STOP)
 
-    def _fall_silent(self) -> None:
-        self._network.withhold_heartbeat()  # SYNC goes on
-
     def disable(self) -> None:
         """Switch off the power of an axis at rest.
 
@@ -198,7 +195,6 @@ class CanopenAxis(AxisDriver):
         RigError
             If the fault stays because its cause does, or the drive does not answer.
         """
-        self._network.resume_heartbeat()
         self._fresh()
         if self._for_good:
             self._book.put(o.QUICK_STOP_OPTION, o.STOP_AND_STAY)

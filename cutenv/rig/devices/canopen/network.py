@@ -273,8 +273,10 @@ class Member(Protocol):
     One axis, which is informed when the network breaks.
     """
 
+    name: str
+    """Name of the axis."""
     latch: Latch
-    """Latch of the rig, which knows when it was last judged."""
+    """Latch of the rig, which knows when it was last judged, and whom it has forsaken."""
 
     def lost(self, why: str, time: float) -> None:
         """Take the report of a lost bus since ``time`` [s]."""
@@ -328,7 +330,6 @@ class CanNetwork:
         self._reader: threading.Thread | None = None
         self._ending = threading.Event()
         self._repeating: list[Repeating] = []
-        self._silent = False
         self._syncs = 0
         self._answers: dict[int, int] = {}
         self._usual: dict[int, tuple[int, int]] = {}  # answers that are always under way, and the SYNC it is since
@@ -424,14 +425,6 @@ class CanNetwork:
         """
         self.send_message(NMT_FRAME, bytes((command, node)))
 
-    def withhold_heartbeat(self) -> None:
-        """Stop sending heartbeats, so that every drive's watchdog stops it."""
-        self._silent = True
-
-    def resume_heartbeat(self) -> None:
-        """Send heartbeats again."""
-        self._silent = False
-
     def _open(self) -> None:
         bus = open_bus(self.settings)
         try:
@@ -443,7 +436,7 @@ class CanNetwork:
         import can
 
         self._message = can.Message
-        self.broken, self._silent = None, False
+        self.broken = None
         self._ending = threading.Event()
         self._reader = threading.Thread(
             target=self._read, args=(self._bus, self._ending), name="cutenv CAN reader", daemon=True
@@ -496,7 +489,8 @@ class CanNetwork:
         self._repeat(SYNC_FRAME, b"")
 
     def _beat(self) -> None:
-        if not self._silent and all(member.latch.watched(self._clock.now()) for member in tuple(self._members)):
+        now = self._clock.now()
+        if all(member.latch.sustains(member.name, now) for member in tuple(self._members)):  # SYNC goes on
             self._repeat(HEARTBEAT_FRAME + self.settings.node, bytes((NMT_OPERATIONAL,)))
 
     def _repeat(self, number: int, data: bytes) -> None:

@@ -170,8 +170,8 @@ _READ = 0.1  # [s] after which the reader checks whether it has to end
 class BoardMember(Protocol):
     """Axis or force sensor on the board."""
 
-    def watched(self, now: float) -> bool:
-        """Return whether a supervisor judged lately or none exists; True for sensors."""
+    def sustained(self, now: float) -> bool:
+        """Return whether it may have a sign of life at ``now`` [s]; True for a sensor."""
         ...
 
     def received(self, report: Report, time: float) -> None:
@@ -224,7 +224,6 @@ class SerialBoard:
         self._ending = threading.Event()
         self._reader: threading.Thread | None = None
         self._beat: Repeating | None = None
-        self._silent = False
         self._answers: dict[type[Any], Report] = {}
 
     def join(self, member: BoardMember) -> BoardIdentity:
@@ -297,17 +296,9 @@ class SerialBoard:
         why = self.broken or f"no answer to {text!r} within {limit:g} s: is it powered, is its cable in?"
         raise RigError(f"the board at {self.port}: {why}")
 
-    def withhold_life(self) -> None:
-        """End the sign of life; the board then stops the stepper."""
-        self._silent = True
-
-    def resume_life(self) -> None:
-        """Send signs of life again."""
-        self._silent = False
-
     def _open(self) -> None:
         self._line = open_port(self.port, self._baud, read_limit=_READ)
-        self.broken, self.identity, self._silent, self.damaged = None, None, False, 0
+        self.broken, self.identity, self.damaged = None, None, 0
         self._ending = threading.Event()
         self._reader = threading.Thread(
             target=self._read, args=(self._line, self._ending), name="cutenv board reader", daemon=True
@@ -355,8 +346,8 @@ class SerialBoard:
             _log.warning("the port %s was not closed in order", self.port, exc_info=True)
 
     def _live(self) -> None:
-        watched = all(member.watched(self._clock.now()) for member in tuple(self._members))
-        if watched and not self._silent and self.broken is None:
+        now = self._clock.now()
+        if self.broken is None and all(member.sustained(now) for member in tuple(self._members)):
             try:
                 self.send("H")
             except RigError as error:  # the break itself informs the members

@@ -258,9 +258,6 @@ class StepperAxis(AxisDriver):
     def _send_stop(self, *, for_good: bool = False) -> None:
         self._board.send("Q")
 
-    def _fall_silent(self) -> None:
-        self._board.withhold_life()
-
     def disable(self) -> None:
         """Switch off the power of an axis at rest.
 
@@ -282,7 +279,6 @@ class StepperAxis(AxisDriver):
         RigError
             If the cause is still there, or the board does not answer.
         """
-        self._board.resume_life()
         self._fresh()
         self._error = ""
         self._may_move = False
@@ -300,9 +296,9 @@ class StepperAxis(AxisDriver):
 
     # Reports of the board; called by its reader
 
-    def watched(self, now: float) -> bool:
-        """Return whether the rig was judged lately; else the board stops by itself."""
-        return self.latch.watched(now)
+    def sustained(self, now: float) -> bool:
+        """Return whether the stepper may have a sign of life at ``now`` [s]: without, the board stops it by itself."""
+        return self.latch.sustains(self.name, now)
 
     def received(self, report: Report, time: float) -> None:
         """Take a motion report; ignore others."""
@@ -448,7 +444,7 @@ class LoadCell(StreamedSensor):
 
     # Reports of the board; called by its reader
 
-    def watched(self, now: float) -> bool:
+    def sustained(self, now: float) -> bool:
         """Return True: a sensor keeps nothing alive."""
         return True
 
