@@ -17,8 +17,9 @@ from waiting import until
 from cutenv.rig import spine
 from cutenv.rig.devices.host import SystemClock
 from cutenv.rig.devices.protocols import DriveState, ForceSample
+from cutenv.rig.errors import RigError
 from cutenv.rig.imitated.fake_rig import FakeRig
-from cutenv.rig.safety.stop_causes import AGAIN, Cause, RigStopped
+from cutenv.rig.safety.stop_causes import AGAIN, WITHHOLD_HEARTBEAT_AFTER, Cause, RigStopped
 
 UPRIGHT = math.pi / 2
 OVER = ForceSample(0.0, (30.0, 0.0, 0.0), (7, 1, 2, 3, 4, 5), 0, 0, 0)
@@ -117,6 +118,30 @@ def test_a_heartbeat_that_cannot_be_withheld_ends_no_repetition(hung, fails):
     rig.plant.supervisor.trip(Cause.OPERATOR, "as told")
     rig.clock.sleep_until(rig.clock.now() + 0.3)
     assert asked[-1] > asked[0] + 0.28
+
+
+@pytest.mark.promise("S6")
+def test_after_a_reset_that_fails_the_heartbeat_ends_again():
+    """The reset has given it back, and the drive is still seen to disobey."""
+    rig = ready_rig()
+    rig.plant.advance(0.01, UPRIGHT, 200)
+    ended: list[float] = []
+    rig.blade.quick_stop = lambda **named: None
+    rig.blade.withhold_heartbeat = lambda why: ended.append(rig.clock.now())
+
+    def stay() -> None:
+        raise RigError("it does not come to rest")
+
+    rig.blade.clear = stay
+    rig.plant.supervisor.trip(Cause.OPERATOR, "as told")
+    rig.clock.sleep_until(rig.clock.now() + 0.2)
+    assert len(ended) == 1
+    with pytest.raises(RigError, match="does not come to rest"):
+        rig.plant.supervisor.reset(agreed=True)
+    tried = rig.clock.now()
+    rig.clock.sleep_until(tried + 0.2)
+    assert len(ended) == 2
+    assert ended[1] - tried < WITHHOLD_HEARTBEAT_AFTER + 2 * AGAIN
 
 
 @pytest.mark.parametrize("fails", [True, False], ids=["raises", "hangs"])

@@ -261,7 +261,7 @@ class QuickStops:
 
     def begin(self) -> list[str]:
         """Send the first quick stop to every axis; return the axes that could not be reached, each with the reason."""
-        self._deaf_since.clear()
+        self.forget()
         self._contested.clear()
         sent = {name: self._attempt(name) for name in self._axes}
         unreached, ends = [], time.monotonic() + RETURNS_WITHIN
@@ -271,6 +271,10 @@ class QuickStops:
             elif attempt.error is not None:
                 unreached.append(f"{name}: {attempt.error}")
         return unreached
+
+    def forget(self) -> None:
+        """Judge anew from here on whether drives obey: a reset gives them our heartbeat back, even one that fails."""
+        self._deaf_since.clear()
 
     def again(self, report: StopReport, now: float) -> None:
         """Repeat the quick stop to drives not seen to obey, even if SYNC, samples or the heartbeat have ended."""

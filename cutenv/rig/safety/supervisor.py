@@ -415,6 +415,7 @@ class Supervisor:
                     self.report = StopReport(cause=Cause.DRIVE, detail=why, detected=self._clock.now())
                 self._rest()
                 resetting.enter_context(self._latch.resetting())
+                self._quick_stops.forget()
             for axis in self._axes.values():
                 axis.clear()
             self._locked_at.clear()
