@@ -177,6 +177,21 @@ def test_a_driver_that_never_returns_does_not_hold_up_the_end(monkeypatch):
     over.set()
 
 
+@pytest.mark.promise("S10")
+def test_a_hinge_turns_for_as_long_as_a_command_is_valid_and_without_one_not_at_all():
+    """A blade that rests, above which the hinge is told to turn before, or long after, any command."""
+    for thinks in (None, 5.0):
+        rig = ready_rig()
+        if thinks is not None:
+            rig.plant.supervisor.drive(0.0, UPRIGHT, 0.02)
+            rig.clock.sleep_until(rig.clock.now() + thinks)
+        assert rig.plant.supervisor.report is None
+        told = rig.clock.now()
+        rig.plant.supervisor.turn(-0.1)
+        rig.clock.sleep_until(told + 0.1)
+        assert (report_of(rig).cause, report_of(rig).detected - told < SOON) == (Cause.OVERRUN, True)
+
+
 # Times and numbers
 
 

@@ -83,7 +83,7 @@ class Supervisor:
         self._alive: dict[str, float] = {}
         self._follows = follows
         self._told = dict.fromkeys(self._axes, 0.0)  # [m/s], [rad/s] that each axis is commanded
-        self._held_until = math.inf
+        self._held_until = -math.inf  # [s] for which something may be told to move
         self._locked_at: dict[str, float] = {}
         self._quick_stops = QuickStops(self._axes, self._motions.newest, fresh=self.limits.stale_motion)
 
@@ -184,8 +184,8 @@ class Supervisor:
                 turned = min(max(angle, self.limits.angle_low), self.limits.angle_high)
                 reduced = any(abs(allowed[name] - speed) > _ROUNDING for name, speed in wanted.items())
                 self.limited += reduced or turned != angle
-                self._told |= allowed
                 self._held_until = self._clock.now() + hold * (1.0 + self.limits.overrun)
+                self._told |= allowed  # last: the watchdog looks at either without the lock
             self._command(allowed)
         return turned
 
@@ -203,7 +203,7 @@ class Supervisor:
                     self._quick_stops.send(name)
 
     def turn(self, rate: float) -> None:
-        """Send a turning speed [rad/s] to the angle's axis, if the rig is released."""
+        """Send a turning speed [rad/s] to the angle's axis, if the rig is released, for as long as the last command."""
         with self._commanding:
             with self._lock:
                 if self.phase is not Phase.READY:
@@ -391,7 +391,6 @@ class Supervisor:
 
     def _rest(self) -> None:
         self._told = dict.fromkeys(self._axes, 0.0)
-        self._held_until = math.inf
 
     def reset(self, agreed: bool) -> None:
         """Clear what is :attr:`latched`, if the operator has explicitly ``agreed``.
