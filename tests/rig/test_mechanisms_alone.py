@@ -109,6 +109,12 @@ def test_a_board_hears_no_sign_of_life_of_a_rig_that_nobody_judges():
     assert sent == ["H"]
 
 
+def test_a_rig_that_is_closed_is_judged_by_nobody_and_may_be_opened_again():
+    rig = cutting()
+    rig.plant.close()
+    assert rig.blade.latch.sustains("blade", rig.clock.now() + 1.0)
+
+
 # Faults of a driver, and of what the loop repeats
 
 
