@@ -362,7 +362,9 @@ def test_a_spine_that_does_not_hear_a_stop_loses_its_line_before_it_is_killed():
         killed.append(1.0)
 
     spine._process.kill = kill
+    begun = time.monotonic()
     spine.ask_for_stop(Cause.OPERATOR, "the button")
+    assert 0.4 < time.monotonic() - begun < 5.0  # half a second, on a busy machine some more
     assert ended == [True]
     assert spine.gone
     with pytest.raises(EOFError):
