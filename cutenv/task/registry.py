@@ -128,7 +128,7 @@ def _excision(name: str, stem: str, along: str, scripts: str, script: str, **opt
         scripts=f"cutenv.agents.policy.path_policies:{scripts}",
         script=script,
         planner="cutenv.agents.policy.third_axis_planners:PathPlanner",
-        options=_ALONG_LINE | options,
+        options={**_ALONG_LINE, **options},
         infos="cutenv.agents.learning.demonstration:PATH_INFOS",
     )  # fmt: skip
 

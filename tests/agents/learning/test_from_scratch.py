@@ -53,26 +53,21 @@ def test_every_learner_has_a_curve_that_ends_on_held_out_specimens(folder):
 
 def test_the_table_has_them_beside_the_best_script_and_the_picture_is_drawn(folder, tmp_path):
     table = from_scratch.report(folder).splitlines()[2:]
-    assert len(table) == 2 + 1 + len(from_scratch.cells(from_scratch.LEARNERS))
+    assert len(table) == 2 + 1 + 8
     assert table[2].startswith("| gentle | script: return stroke |")
     (row,) = [line for line in table if "| PPO with a memory | features |" in line]
     last = from_scratch.kept(folder)[from_scratch.Run("gentle", "memory", "features", 0)][-1]
-    assert f"| {last['return']:.3f} | {100.0 * last['success']:.0f} |" in row
+    means = [f"{last[prefix + 'return']:.3f} | {100.0 * last[prefix + 'success']:.0f}" for prefix in ("", "drawn_")]
+    assert row.endswith(f"| {' | '.join(means)} |")
     from_scratch.draw(folder, tmp_path / "curves.png")
     assert (tmp_path / "curves.png").stat().st_size > 10_000
 
 
-@pytest.mark.parametrize(("learner", "last"), [("falling", 0.1 + 0.7 / 3.0), ("ppo", 0.8)])
-def test_the_deviation_falls_if_it_is_not_learned(monkeypatch, learner, last):
-    ended = []
-    monkeypatch.setattr(from_scratch, "act_of", lambda model: ended.append(model) or (lambda *seen: seen))
-    monkeypatch.setattr(from_scratch, "PPO_SETTINGS", from_scratch.PPO_SETTINGS | {"n_steps": 40, "batch_size": 64})
-    monkeypatch.setattr(from_scratch.Curve, "add", lambda *_: None)
-    run = from_scratch.Run("gentle", learner, "raw", 0)
-    run._by_ppo(range(4), from_scratch.Curve(run.environments(range(2)), 480))
-    deviation = ended[-1].policy.log_std.exp().detach().numpy()
-    assert deviation == pytest.approx(last, rel=1e-6 if learner == "falling" else 0.05)
-    assert (np.ptp(deviation) == 0.0) == (learner == "falling")
+def test_a_run_of_before_has_no_drawn_actions_and_its_row_says_nothing_of_them():
+    rows = [{"return": 0.5, "success": 1.0}, {"return": 0.7, "success": 0.5, "drawn_return": 0.8, "drawn_success": 1.0}]
+    assert from_scratch._scores(rows, "") == ("0.600", "75")
+    assert from_scratch._scores(rows, "drawn_") == ("", "")
+    assert from_scratch._scores(rows[1:], "drawn_") == ("0.800", "100")
 
 
 def test_learners_see_what_they_are_said_to_see():
