@@ -23,6 +23,7 @@ from cutenv.agents.policy import (
     ProbeAndCreep,
     StopAndUnload,
     TipEstimate,
+    experts,
 )
 from cutenv.envs.constants import Constants
 from cutenv.envs.gentle_cut import GentleCutEnv
@@ -242,6 +243,7 @@ UNLIKE: list[tuple[Callable[[], Any], type[Exception], str]] = [
     (lambda: Features(2, force="no"), TypeError, "force = 'no' must be True"),
     (lambda: Features(2)(np.zeros((3, 12))), ValueError, r"observations have shape \(3, 12\); give \(2, 12\)"),
     (lambda: Features(1)(np.full((1, 12), NAN)), ValueError, "observation = .*nan.* must be finite"),
+    (lambda: experts("paths"), ValueError, "task must be .*Did you mean 'path'"),
     (lambda: GentleCutEnv(tissue=5), TypeError, "tissue = 5 must be the path"),
     (lambda: GentleCutEnv().reset(options={"specimen": 5}), TypeError, "specimen must be a cutenv.sim.tissue.Specimen"),
     (lambda: GentleCutEnv().reset(options={"episode": 1.5}), ValueError, "episode = 1.5 is not a whole number"),

@@ -106,9 +106,14 @@ def experts(task: str) -> tuple[str, ...]:
     """Return the names of the oracle and of the shipped policies that can cut in a task.
 
     A policy can if it was trained in a task with the same law and actions: ``"ppo-excision"`` in ``"path"``.
+
+    Raises
+    ------
+    ValueError
+        If there is no such task.
     """
     environments = {name: json.loads((_shipped_folder(name) / CARD).read_bytes())["environment"] for name in SHIPPED}
-    same = TASKS[task].task
+    same = TASKS[one_of("task", task, tuple(TASKS))].task
     return ORACLE, *(name for name, environment in environments.items() if task_made_as(environment).task is same)
 
 

@@ -25,6 +25,7 @@ from cutenv._base.language_files import (
     shipped_names,
     texts_by_key,
 )
+from cutenv.agents.policy.shipped import SHIPPED
 from cutenv.commands import cli
 from cutenv.display.report.score_page import ScoredRecord, write_score_page
 from cutenv.people.browser.page_alone import page_alone
@@ -33,8 +34,8 @@ from cutenv.people.classroom.class_site import ClassSite
 from cutenv.records.scoring import score
 
 VOWELS = str.maketrans("aeiouyAEIOUY", "àèìòùýÀÈÌÒÙÝ")
-OURS = {"cutenv", "trained", "novice"}
-"""Words of pages that are not texts: names that a teacher gives."""
+OURS = {"cutenv", "trained", "novice"} | {word for name in SHIPPED for word in name.split("-")}
+"""Words of pages that are not texts: names that a teacher gives, and those of agents."""
 
 
 def pseudo(text: str) -> str:

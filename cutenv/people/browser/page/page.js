@@ -65,7 +65,7 @@
 
   async function watchAgain(number) {
     const { cut } = page;
-    if (!told.served) { await watch(cut.specimen, cut.inputs, cut.specimen.expert ?? null, cut.specimen.expertBy); return; }
+    if (!told.served) { await watch(cut.specimen, cut.inputs, cut.specimen.expert ?? null, cut.specimen.expertBy ?? "planner"); return; }
     const found = await ask("GET", `cuts/${number}/replay`);
     if (!found.error) await watch(found.specimen, fromRuns(found.movements), found.expert, found.by);
     else if (number === page.handedOut?.id) await watch(cut.specimen, cut.inputs, null, ""); // the server is away
