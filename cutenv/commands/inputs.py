@@ -27,7 +27,7 @@ MAPPED_SUFFIXES = (
 )  # fmt: skip
 """Endings of other programs' files, which are looked for, too, where a mapping is given or kept."""
 
-_MOST_TOLD = 3  # records on each of which an option without effect is told in a line of its own
+_MOST_NOTES = 3  # notes on an option without effect, a line for each record; of more records a single line
 
 
 class Source(NamedTuple):
@@ -200,11 +200,11 @@ def targets(traces: list[Trace], given: float | None) -> tuple[list[float | None
             notes["have no position"].append(f"{effect} has no position")
         elif isinstance(length, int | float) and abs(length - given) > 0.5e-4:
             notes["hold their own targets"].append(f"{effect} holds its own target, {1e3 * length:.1f} mm")
-    told = []
+    lines = []
     for why, each in notes.items():
         many = f"--target-length has no effect on {len(each)} of {len(traces)} records, which {why}"
-        told += each if len(each) <= _MOST_TOLD else [many]
-    return [given if length is None else length for length in own], told
+        lines += each if len(each) <= _MOST_NOTES else [many]
+    return [given if length is None else length for length in own], lines
 
 
 def given_mapping(arguments: argparse.Namespace) -> ColumnMap | None:

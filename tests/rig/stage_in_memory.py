@@ -10,6 +10,7 @@ from typing import Any
 
 from cutenv.rig.config.settings import Axis, RigSettings, SensorCalibration, SensorSettings
 from cutenv.rig.devices import DriveState, Event, ForceSample, Latch, MotionSample, Mounting, rig_driver
+from cutenv.rig.safety.stop_causes import Cause
 
 TOLD = "CUTENV_TEST_TOLD"
 """Variable with the name of the file."""
@@ -121,3 +122,18 @@ def settings() -> RigSettings:
         calibration=SensorCalibration(date="2026-01-01"),
         emulated=True,
     )
+
+
+class Judge:
+    """Supervisor that notes for which causes it was to stop the blade."""
+
+    phase, limited, report, angle = "ready", 0, None, 1.5
+
+    def __init__(self) -> None:
+        self.tripped: list[Cause] = []
+
+    def trip(self, cause: Cause, detail: str) -> None:
+        self.tripped.append(cause)
+
+    def drive(self, speed: float, angle: float, hold: float, **across: float) -> float:
+        return angle

@@ -251,20 +251,20 @@ def test_only_the_operators_word_leads_out_of_a_stop():
 
 
 @pytest.mark.promise("S6")
-def test_an_axis_that_is_forsaken_hears_nothing_until_the_operator_agrees_and_the_others_go_on():
+def test_an_axis_without_heartbeat_has_none_until_the_operator_agrees_and_the_others_go_on():
     latch = Latch()
-    latch.forsake("blade")
+    latch.withhold("blade")
     assert latch.phase is Phase.STOPPED
     for event in (Event.STOP, Event.RELEASE, Event.LOCK, Event.CLEARED, Event.FAILED):
         latch.happens(event)
-        assert (latch.sustains("blade", 0.0), latch.sustains("height", 0.0)) == (False, True)
+        assert (latch.allows_heartbeat("blade", 0.0), latch.allows_heartbeat("height", 0.0)) == (False, True)
     latch.happens(Event.AGREE)
-    assert latch.sustains("blade", 0.0)
-    latch.forsake("blade")  # by a thread that comes late: a stop of its own, which the reset does not undo
+    assert latch.allows_heartbeat("blade", 0.0)
+    latch.withhold("blade")  # by a thread that comes late: a stop of its own, which the reset does not undo
     assert not latch.happens(Event.CLEARED)
-    assert not latch.sustains("blade", 0.0)
-    latch.regain("blade")  # opened again
-    assert (latch.sustains("blade", 0.0), latch.phase) == (True, Phase.STOPPED)
+    assert not latch.allows_heartbeat("blade", 0.0)
+    latch.restore("blade")  # opened again
+    assert (latch.allows_heartbeat("blade", 0.0), latch.phase) == (True, Phase.STOPPED)
 
 
 def cut_through_growing_latency(rig: HandMovedRig) -> None:

@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 from made_ready import ready_rig, ready_to_descend
-from stage_in_memory import settings
+from stage_in_memory import Judge, settings
 from waiting import until
 
 from cutenv.rig.config.settings import Bus, fake_settings
@@ -101,7 +101,10 @@ def test_one_axis_that_nobody_judges_ends_the_heartbeat_on_a_bus_of_two():
 def test_a_board_hears_no_sign_of_life_of_a_rig_that_nobody_judges():
     sent, watched = [], [True]
     board = SerialBoard("none", 9600, FakeClock())
-    board._members = [SimpleNamespace(sustained=lambda now: True), SimpleNamespace(sustained=lambda now: watched[0])]
+    board._members = [
+        SimpleNamespace(allows_heartbeat=lambda now: True),
+        SimpleNamespace(allows_heartbeat=lambda now: watched[0]),
+    ]
     board.send = sent.append
     board._live()
     watched[0] = False
@@ -112,7 +115,7 @@ def test_a_board_hears_no_sign_of_life_of_a_rig_that_nobody_judges():
 def test_a_rig_that_is_closed_is_judged_by_nobody_and_may_be_opened_again():
     rig = cutting()
     rig.plant.close()
-    assert rig.blade.latch.sustains("blade", rig.clock.now() + 1.0)
+    assert rig.blade.latch.allows_heartbeat("blade", rig.clock.now() + 1.0)
 
 
 # Faults of a driver, and of what the loop repeats
@@ -238,21 +241,6 @@ def test_a_command_that_is_no_number_stops_and_none_of_it_is_sent(which, value):
 
 
 # What a spine sees of its program
-
-
-class Judge:
-    """Supervisor that notes for which causes it was to stop the blade."""
-
-    phase, limited, report = "ready", 0, None
-
-    def __init__(self) -> None:
-        self.tripped: list[Cause] = []
-
-    def trip(self, cause: Cause, detail: str) -> None:
-        self.tripped.append(cause)
-
-    def drive(self, speed: float, angle: float, hold: float, **across: float) -> float:
-        return angle
 
 
 class Seen:

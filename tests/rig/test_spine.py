@@ -16,7 +16,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from stage_in_memory import HANGS, TOLD, Balance, settings, told
+from stage_in_memory import HANGS, TOLD, Balance, Judge, settings, told
 from waiting import until
 
 from cutenv.rig.devices.host import SystemClock
@@ -197,21 +197,6 @@ def test_a_driver_that_refuses_its_settings_is_told_as_it_is_here(record):
     slow = dataclasses.replace(settings().sensor, rate=2.0 * Balance.rate)
     with pytest.raises(RigError, match="250 readings a second, but the rig's file has 500"):
         rig_plant(dataclasses.replace(settings(), sensor=slow)).open()
-
-
-class Judge:
-    """Supervisor that notes for which causes it was to stop the blade."""
-
-    phase, limited, report, angle = "ready", 0, None, 1.5
-
-    def __init__(self) -> None:
-        self.tripped: list[Cause] = []
-
-    def trip(self, cause: Cause, detail: str) -> None:
-        self.tripped.append(cause)
-
-    def drive(self, speed: float, angle: float, hold: float, **across: float) -> float:
-        return angle
 
 
 def command(number: int = 6, ahead: float = 0.0, hold: float = 0.02) -> bytes:

@@ -1,4 +1,4 @@
-"""What has to be believed for a stop is as little as the safety page says, and its flags are those that are known."""
+"""The code that a stop relies on is as small as the safety page says, and its flags are known."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ FLAGS = {
     "_Served._over": "the program has ended, or has closed the rig",
     "_Turn.stopped": "an action is no longer repeated",
 }
-"""Attributes that are set to True or False, beside phase and forsaken axes, which the latch holds."""
+"""Attributes that are set to True or False, besides phase and withheld heartbeats, which the latch holds."""
 LOCKS = ("threading.Lock", "threading.RLock", "threading.Condition", "threading.Event")
 
 
@@ -64,7 +64,7 @@ def flags() -> set[str]:
 
 
 def test_a_flag_that_the_latch_does_not_hold_is_one_that_is_known() -> None:
-    """A new one belongs beside the table of phases and events, if it says whether anything may move."""
+    """A new flag that says whether anything may move belongs into the table of phases and events."""
     assert {flag.replace("CanopenAxis._may_move", "AxisDriver._may_move") for flag in flags()} == set(FLAGS)
 
 

@@ -110,7 +110,7 @@ class AxisDriver(ABC):
             raise RigError(f"{self.name}: it is open already; close it first.")
         self._listener = listener
         self._may_move, self._error, self._lost = False, "", None
-        self.latch.regain(self.name)
+        self.latch.restore(self.name)
         try:
             self._connect()
         except BaseException:
@@ -186,7 +186,7 @@ class AxisDriver(ABC):
 
     def withhold_heartbeat(self, why: str) -> None:
         """End this computer's sign of life until a reset: the device's own watchdog then stops it."""
-        self.latch.forsake(self.name)
+        self.latch.withhold(self.name)
         self._may_move = False
         _log.warning("%s: %s: %s", self.name, why, self.silence)
         self._fall_silent()

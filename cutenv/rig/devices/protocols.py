@@ -64,7 +64,7 @@ WATCHFUL = 0.020
 
 
 class Latch:
-    """Phase of one rig, when it was last judged, and which axes hear nothing of this computer.
+    """Phase of one rig, when it was last judged, and from which axes the heartbeat is withheld.
 
     May be read and changed from any thread.
 
@@ -74,14 +74,14 @@ class Latch:
     ----------
     judged : float or None
         Time at which the supervisor last judged the rig [s]; None where no supervisor does.
-    forsaken : frozenset of str
-        Axes that ignored their quick stops, and get no sign of life before the operator agrees to a reset.
+    withheld : frozenset of str
+        Axes that ignored their quick stops, and get no heartbeat before the operator agrees to a reset.
     """
 
     def __init__(self) -> None:
         self._phase = Phase.UNREADY
         self.judged: float | None = None
-        self.forsaken: frozenset[str] = frozenset()
+        self.withheld: frozenset[str] = frozenset()
         self._changing = threading.Lock()
 
     @property
@@ -94,24 +94,25 @@ class Latch:
         """True while nothing may be sent that could give a drive power or speed."""
         return self._phase in (Phase.STOPPED, Phase.RESETTING)
 
-    def sustains(self, axis: str, now: float) -> bool:
-        """Return whether an axis may get a sign of life: it is not forsaken, and the rig is judged at ``now`` [s].
+    def allows_heartbeat(self, axis: str, now: float) -> bool:
+        """Return whether an axis may get a heartbeat at ``now`` [s].
 
-        A rig without a supervisor is judged by nobody, and need not be.
+        It may if none is withheld from it, and the rig was judged within :data:`WATCHFUL`.  A rig without a supervisor
+        need not be judged.
         """
         judged = self.judged
-        return axis not in self.forsaken and (judged is None or now - judged <= WATCHFUL)
+        return axis not in self.withheld and (judged is None or now - judged <= WATCHFUL)
 
-    def forsake(self, axis: str) -> None:
-        """Stop, and let an axis have no sign of life, so that its own watch stops it."""
+    def withhold(self, axis: str) -> None:
+        """Stop, and withhold the heartbeat from an axis, so that its own watchdog stops it."""
         with self._changing:
             self._happens(Event.STOP)
-            self.forsaken |= {axis}
+            self.withheld |= {axis}
 
-    def regain(self, axis: str) -> None:
-        """Let an axis that is opened again have signs of life."""
+    def restore(self, axis: str) -> None:
+        """Give an axis that is opened again its heartbeat."""
         with self._changing:
-            self.forsaken -= {axis}
+            self.withheld -= {axis}
 
     def happens(self, event: Event) -> bool:
         """Change the phase as :data:`NEXT` defines; return whether it has an entry for this event."""
@@ -122,7 +123,7 @@ class Latch:
         after = NEXT.get((self._phase, event))
         self._phase = after or self._phase
         if after is Phase.RESETTING:
-            self.forsaken = frozenset()
+            self.withheld = frozenset()
         return after is not None
 
     @contextmanager

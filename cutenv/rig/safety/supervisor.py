@@ -83,7 +83,7 @@ class Supervisor:
         self._alive: dict[str, float] = {}
         self._follows = follows
         self._told = dict.fromkeys(self._axes, 0.0)  # [m/s], [rad/s] that each axis is commanded
-        self._held_until = -math.inf  # [s] for which something may be told to move
+        self._held_until = -math.inf  # [s] until which the last command holds
         self._locked_at: dict[str, float] = {}
         self._quick_stops = QuickStops(self._axes, self._motions.newest, fresh=self.limits.stale_motion)
 

@@ -276,7 +276,7 @@ class Member(Protocol):
     name: str
     """Name of the axis."""
     latch: Latch
-    """Latch of the rig, which knows when it was last judged, and whom it has forsaken."""
+    """Latch of the rig, which knows when it was last judged, and which heartbeats are withheld."""
 
     def lost(self, why: str, time: float) -> None:
         """Take the report of a lost bus since ``time`` [s]."""
@@ -490,7 +490,7 @@ class CanNetwork:
 
     def _beat(self) -> None:
         now = self._clock.now()
-        if all(member.latch.sustains(member.name, now) for member in tuple(self._members)):  # SYNC goes on
+        if all(member.latch.allows_heartbeat(member.name, now) for member in tuple(self._members)):  # SYNC goes on
             self._repeat(HEARTBEAT_FRAME + self.settings.node, bytes((NMT_OPERATIONAL,)))
 
     def _repeat(self, number: int, data: bytes) -> None:

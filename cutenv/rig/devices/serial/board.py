@@ -170,7 +170,7 @@ _READ = 0.1  # [s] after which the reader checks whether it has to end
 class BoardMember(Protocol):
     """Axis or force sensor on the board."""
 
-    def sustained(self, now: float) -> bool:
+    def allows_heartbeat(self, now: float) -> bool:
         """Return whether it may have a sign of life at ``now`` [s]; True for a sensor."""
         ...
 
@@ -347,7 +347,7 @@ class SerialBoard:
 
     def _live(self) -> None:
         now = self._clock.now()
-        if self.broken is None and all(member.sustained(now) for member in tuple(self._members)):
+        if self.broken is None and all(member.allows_heartbeat(now) for member in tuple(self._members)):
             try:
                 self.send("H")
             except RigError as error:  # the break itself informs the members

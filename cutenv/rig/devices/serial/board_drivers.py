@@ -296,9 +296,9 @@ class StepperAxis(AxisDriver):
 
     # Reports of the board; called by its reader
 
-    def sustained(self, now: float) -> bool:
+    def allows_heartbeat(self, now: float) -> bool:
         """Return whether the stepper may have a sign of life at ``now`` [s]: without, the board stops it by itself."""
-        return self.latch.sustains(self.name, now)
+        return self.latch.allows_heartbeat(self.name, now)
 
     def received(self, report: Report, time: float) -> None:
         """Take a motion report; ignore others."""
@@ -444,7 +444,7 @@ class LoadCell(StreamedSensor):
 
     # Reports of the board; called by its reader
 
-    def sustained(self, now: float) -> bool:
+    def allows_heartbeat(self, now: float) -> bool:
         """Return True: a sensor keeps nothing alive."""
         return True
 
