@@ -22,7 +22,7 @@ import numpy as np
 
 from cutenv._base.arrays import StructArray
 from cutenv._base.output import progress_bar
-from cutenv.agents.policy import BASELINES, SHIPPED, ArrayPolicy, Policy, PrivilegedPolicy, named_policy
+from cutenv.agents.policy import BASELINES, SHIPPED, ArrayPolicy, Policy, named_policy
 from cutenv.agents.policy.interface import as_array_policy
 from cutenv.agents.policy.shipped import policy_of_class
 from cutenv.envs import set_cores
@@ -221,6 +221,8 @@ def _at_start(environment: GentleCutEnv, seed: int) -> Episode:
 
 _BATCH, _SMALL_BATCH = 200, 100  # cuts simulated together; fewer where all readings are kept, or a policy is copied
 _FEWEST = 2000  # cuts, below which starting processes takes longer than they save
+_PARTS = 4  # of a planner's cuts, at least
+_PLANNED = 100  # cuts of others, which take as long as one that is planned
 
 
 @dataclass(frozen=True)
@@ -232,6 +234,8 @@ class Contestant:
 
     policy: Policy
     arguments: Mapping[str, Any] = field(default_factory=dict)
+    specimens: int | None = None
+    """Number of the first specimens, which it cuts alone; by default it cuts all."""
 
 
 def _end_with_parent() -> None:
@@ -308,7 +312,7 @@ def evaluate(
     Parameters
     ----------
     contestants : mapping of str to Contestant
-        Policies by name; all cut the same specimens.
+        Policies by name; all cut the same specimens, or the first of them.
     seeds : sequence of int
         Seeds, one for each specimen.
     arguments : mapping
@@ -322,23 +326,27 @@ def evaluate(
     pool : Executor, optional
         Processes of :func:`workers` to use instead.
     """
-    parts = []
+    parts, work = [], 0
     for name, one in contestants.items():
-        whole_batch = isinstance(one.policy, ArrayPolicy) and not (metrics or one.policy.privileged)
-        size = _BATCH if whole_batch else _SMALL_BATCH
+        planned = as_array_policy(one.policy).privileged
+        size = _SMALL_BATCH if planned or metrics or not isinstance(one.policy, ArrayPolicy) else _BATCH
         whole = {**arguments, **one.arguments}
         warn_before_first_batch(task_of(whole)[0].task)
-        parts += [(name, (one.policy, seeds[k : k + size], whole, metrics)) for k in range(0, len(seeds), size)]
-    cuts = len(contestants) * len(seeds)
+        own = seeds[: one.specimens]
+        if planned:  # a part for every core
+            size = min(size, math.ceil(len(own) / _PARTS) or 1)
+        parts += [(name, (one.policy, own[k : k + size], whole, metrics)) for k in range(0, len(own), size)]
+        work += len(own) * (_PLANNED if planned else 1)
+    cuts = sum(len(part[1]) for _, part in parts)
     with contextlib.ExitStack() as stack:
-        own = processes or (os.cpu_count() if cuts >= _FEWEST else 1)
-        if pool is None and own != 1:
-            pool = stack.enter_context(workers(own))
+        started = processes or (os.cpu_count() if work >= _FEWEST else 1)
+        if pool is None and started != 1:
+            pool = stack.enter_context(workers(started))
         count = stack.enter_context(progress_bar(description, "cut", total=cuts))
         if pool is None:
             return [{"policy": name, **row} for name, part in parts for row in _rows(*part, count)]
         futures = {}
-        for place in sorted(range(len(parts)), key=lambda place: not isinstance(parts[place][1][0], PrivilegedPolicy)):
+        for place in sorted(range(len(parts)), key=lambda place: not as_array_policy(parts[place][1][0]).privileged):
             with _without_ctrl_c():  # planners first: they take longest
                 futures[pool.submit(_rows, *parts[place][1])] = place
         for future in as_completed(futures):

@@ -15,6 +15,8 @@ import time
 from collections.abc import Mapping, Sequence
 from types import FrameType
 
+from cutenv._engine.parallel import cores
+
 _PROGRESS = re.compile(r"(?P<step>[^:]+): +(?P<share>\d+)%\|.*?(?:, (?P<shown>return .*))?\]$")
 _QUIET = 20.0  # seconds between lines of progress where no terminal shows them in place
 _LOOK = 0.5  # seconds between looks at the processes
@@ -31,9 +33,11 @@ class Training:
         Name in the line of progress.
     command : sequence of str
         Command line of the process.
+    cores : int
+        Number of threads that its batches may use, unless ``CUTENV_CORES`` is set.
     """
 
-    def __init__(self, name: str, command: Sequence[str]) -> None:
+    def __init__(self, name: str, command: Sequence[str], cores: int) -> None:
         self.name = name
         self.progress = "begins"
         """Last progress that it printed, such as "training 45 %, return 0.31, success 0.42"."""
@@ -42,7 +46,7 @@ class Training:
         own_group = os.name != "nt"  # so that Ctrl-C reaches it once, from here
         self.process = subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=own_group,
-            env={**os.environ, "PYTHONUNBUFFERED": "1"}, encoding="utf-8", errors="replace",
+            env={"CUTENV_CORES": str(cores), **os.environ, "PYTHONUNBUFFERED": "1"}, encoding="utf-8", errors="replace",
         )  # fmt: skip
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
@@ -82,7 +86,8 @@ def train_side_by_side(commands: Mapping[str, Sequence[str]]) -> int:
     int
         0 if all succeeded, 130 after Ctrl-C, or the status of the first that failed.
     """
-    began, running = time.monotonic(), [Training(name, command) for name, command in commands.items()]
+    each = max(cores() // len(commands), 1)  # more threads than cores wait for each other
+    began, running = time.monotonic(), [Training(name, command, each) for name, command in commands.items()]
     statuses: list[int] = []
     before = signal.signal(signal.SIGTERM, _stop)
     try:

@@ -91,6 +91,7 @@ def chosen_at(curve: Sequence[Mapping[str, float]]) -> int | None:
     return None if chosen is None else int(chosen["decisions"])
 
 
+_FEWER = 4  # times fewer specimens for the planner, of which a cut takes as long as hundreds of others
 _MORE_SPECIMENS = 5  # times as many specimens for agent and scripts, so that chance does not hide their differences
 
 
@@ -120,7 +121,7 @@ def compare_task(run: Path, facts: Mapping[str, Any], *, processes: int | None =
         shared |= {**facts["simulated_rig"], "control_hz": arguments["control_hz"]}
     scripts = {name: Contestant(task.scripts[name]()) for name in task.scripts}
     few = TEST_SEEDS[: arguments["specimens"]]
-    planner = {ORACLE: Contestant(task.planner())} if task.planner else {}
+    planner = {ORACLE: Contestant(task.planner(), specimens=len(few[::_FEWER]))} if task.planner else {}
     rows = evaluate({**learned, **scripts, **planner}, few, shared, processes=processes)
     write_csv(run / "scores.csv", rows)
     summary = summarise(rows)
@@ -137,7 +138,8 @@ def compare_task(run: Path, facts: Mapping[str, Any], *, processes: int | None =
     print(f"\n{len(few)} held-out specimens of {class_in_words(arguments)}, mean [95 % interval]\n")
     print_table(summary, task.shown)
     print_differences(paired)
-    print(f"({', '.join(scripts)}: on {len(few) + len(more)} specimens)")
+    fewer = "".join(f"; {name}: on {one.specimens}" for name, one in planner.items())
+    print(f"({', '.join(scripts)}: on {len(few) + len(more)} specimens{fewer})")
     print(f"\nWritten to {run}/: report.html (open it in a browser), policy/ (safetensors and card, needs no torch),")
     print("scores.csv and comparison.csv (every cut), summary.csv, differences.csv, learning_curve.csv, run.json")
 
@@ -272,12 +274,14 @@ def compare(
     contestants = {
         **{name: contestant(str(folder)) for name, folder in learned.items()},
         **{name: Contestant(make()) for name, make in BASELINES.items()},
+        ORACLE: Contestant(BASELINES[ORACLE](), specimens=len(seeds[::_FEWER])),
         "random": Contestant(RandomAction(), rate),  # at the agent's rate: rarer changes move the blade further
     }
     own = {name: one for name, one in contestants.items() if baselines_of is None or name in learned}
     rows = evaluate(own, seeds, shared, processes=processes)
     if baselines_of is not None:
-        rows += known_rows(baselines_of / "scores.csv", [name for name in contestants if name not in own], seeds)
+        others = {name: seeds[: one.specimens] for name, one in contestants.items() if name not in own}
+        rows += known_rows(baselines_of / "scores.csv", others)
     write_csv(run / "scores.csv", rows)
     summary = summarise(rows)
     write_csv(run / "summary.csv", summary)
@@ -321,23 +325,24 @@ def compare(
     print(f"\n{len(seeds)} held-out specimens of {class_in_words(arguments)}, mean [95 % interval]\n")
     print_table([row for row in summary if row["policy"] in shown], SHOWN[:4] + SHOWN[5:])
     print_differences([row for row in paired if row["baseline"] in (script, rival, feed, ORACLE)])
-    print(f"({' and '.join(name for name in closer if name != agent)}: on {len(seeds) + len(more)} specimens)")
+    nearest = " and ".join(name for name in closer if name != agent)
+    print(f"({nearest}: on {len(seeds) + len(more)} specimens; {ORACLE}: on {contestants[ORACLE].specimens})")
     print(f"\nWritten to {run}/: report.html (open it in a browser), policy/ (safetensors and card, needs no torch),")
     print(
         "scores.csv and comparison.csv (every cut), summary.csv, differences.csv, learning_curve.csv, run.json, cut.png"
     )
 
 
-def known_rows(path: Path, policies: Sequence[str], seeds: Sequence[int]) -> list[dict[str, Any]]:
-    """Read these policies' rows from another comparison; ValueError if specimens differ."""
+def known_rows(path: Path, seeds: Mapping[str, Sequence[int]]) -> list[dict[str, Any]]:
+    """Read policies' rows, for seeds by name, from another comparison; ValueError if specimens differ."""
     with path.open(encoding="utf-8") as file:
-        rows = [row for row in csv.DictReader(file) if row["policy"] in policies]
+        rows = [row for row in csv.DictReader(file) if row["policy"] in seeds]
     result: list[dict[str, Any]] = [
         {name: value if name in _TEXTS else float(value) for name, value in row.items()} | {"seed": int(row["seed"])}
         for row in rows
     ]
-    for policy in policies:
-        if [row["seed"] for row in result if row["policy"] == policy] != list(seeds):
+    for policy, own in seeds.items():
+        if [row["seed"] for row in result if row["policy"] == policy] != list(own):
             raise ValueError(f"{path} contains other specimens of {policy!r} than this run; compare without it.")
     return result
 

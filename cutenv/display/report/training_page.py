@@ -151,11 +151,12 @@ def _left(result: TrainingResult) -> str:
     """Return a sentence on the gap to any bound."""
     if result.bound is None:
         return ""
-    own, most = (float(result.score(policy, "return")["mean"]) for policy in (result.agent, result.bound))
-    if own >= most:
-        return f" Nothing is left to the upper bound ({result.bound}), which gets {number(most, 2)}."
-    gap = f"{number(own, 2)} against {number(most, 2)}"
-    return f" The gap to the upper bound ({result.bound}) is {number(most - own, 2)}: {gap}."
+    most, paired = result.score(result.bound, "return"), result.difference(result.bound, "return")
+    gap = float(most["mean"] - result.score(result.agent, "return")["mean"]) if paired is None else -paired["mean"]
+    if gap <= 0.0:
+        return f" Nothing is left to the upper bound ({result.bound}), which gets {number(most['mean'], 2)}."
+    bound = f"the upper bound ({result.bound}) gets {number(most['mean'], 2)}"
+    return f" On {most['cuts']:.0f} of them {bound}, {number(gap, 2)} more than the agent."
 
 
 def _stronger_scripts(result: TrainingResult) -> list[str]:

@@ -238,12 +238,12 @@ class TrainingResult:
 
     def _check_counts(self) -> None:
         closer = (self.best_script, self.rival_script) if self.grid else self.policies
-        others = [row for row in self.differences if row["baseline"] not in closer]
-        counts = sorted({row["cuts"] for row in (*self.summary, *others)})
+        others = [row for row in self.differences if row["baseline"] not in (*closer, self.bound)]
+        counts = sorted({row["cuts"] for row in (*self.summary, *others) if row.get("policy") != self.bound})
         if len(counts) > 1:
             raise ValueError(
-                f"summary and differences count {', '.join(map(str, counts))} cuts; every policy must meet the same "
-                "specimens, or they cannot be compared."
+                f"summary and differences count {', '.join(map(str, counts))} cuts; every policy but the bound must "
+                "meet the same specimens, or they cannot be compared."
             )
 
     @property

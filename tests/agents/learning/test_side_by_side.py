@@ -33,9 +33,19 @@ def test_what_each_prints_is_kept_together_and_told_when_it_ends_with_the_status
 
 
 def test_progress_names_its_step_for_each_of_them_counts_from_zero():
-    training = Training("one", [sys.executable, "-c", SAYS])
+    training = Training("one", [sys.executable, "-c", SAYS], cores=1)
     assert training.end() == 0
     assert training.progress == "training 80 %, return 0.8, success 0.5"
+
+
+def test_they_share_the_cores_unless_the_number_is_set(capfd, monkeypatch):
+    monkeypatch.setattr(side_by_side, "cores", lambda: 5)
+    says = [sys.executable, "-c", "import os; print('threads', os.environ['CUTENV_CORES'])"]
+    for wanted, threads in ((None, 2), ("3", 3)):
+        if wanted:
+            monkeypatch.setenv("CUTENV_CORES", wanted)
+        assert train_side_by_side({"one": says, "two": says}) == 0
+        assert capfd.readouterr().out.count(f"threads {threads}") == 2
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")

@@ -172,7 +172,7 @@ def test_the_headline_is_what_the_paired_difference_says(
     assert numbers in sentences
     assert "Over 100 held-out specimens of class liver" in sentences
     assert "it succeeds 17.0 points more often (95 % interval 8.0 to 26.0)" in sentences
-    assert "0.19: 0.64 against 0.83" in sentences
+    assert f"On 100 of them the upper bound ({BOUND}) gets 0.83, 0.19 more than the agent." in sentences
 
 
 @pytest.mark.parametrize(
@@ -223,7 +223,9 @@ def test_an_agent_above_the_bound_has_nothing_left() -> None:
     for row in changed:
         if (row["policy"], row["score"]) == (BOUND, "return"):
             row.update(made_up.row(0.6, 0.01))
-    assert "Nothing is left to the upper bound" in training_headline(result(summary=changed))[2]
+    paired = [row | ({"mean": 0.04} if row["baseline"] == BOUND else {}) for row in made_up.differences()]
+    sentences = training_headline(result(summary=changed, differences=paired))[2]
+    assert f"Nothing is left to the upper bound ({BOUND}), which gets 0.60" in sentences
 
 
 def test_a_script_above_the_best_one_is_not_hidden(tmp_path: Path) -> None:
