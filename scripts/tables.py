@@ -49,14 +49,6 @@ def mean_text(values: Iterable[float], digits: int = 3, sign: str = "", factor: 
     return interval_text(mean_with_interval(values), digits, sign, factor)
 
 
-def aligned(heading: Sequence[str], rows: Sequence[Sequence[str]], *, right: bool = False) -> list[str]:
-    """Return lines of text whose columns stand under their headings, at the left or the right, two spaces apart."""
-    lines = [heading, *rows]
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    side = ">" if right else "<"
-    return ["  ".join(f"{cell:{side}{w}}" for cell, w in zip(each, widths, strict=True)).rstrip() for each in lines]
-
-
 def markdown_table(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Format a Markdown table."""
     lines = [heading, ["---"] * len(heading), *rows]

@@ -62,7 +62,9 @@ def _evaluate(arguments: argparse.Namespace) -> None:
         return
     from cutenv.agents.learning.evaluation import contestant, evaluate
     from cutenv.agents.learning.seeds import TEST_SEEDS, VALIDATION_SEEDS
-    from cutenv.agents.learning.statistics import differences, print_differences, print_table, summarise, write_csv
+    from cutenv.agents.learning.statistics import differences, summarise, write_csv
+    from cutenv.agents.learning.training_report import print_compared
+    from cutenv.display.report.training_result import columns_of
 
     seeds = VALIDATION_SEEDS if arguments.validation else TEST_SEEDS
     if not 2 <= arguments.specimens <= len(seeds):
@@ -93,9 +95,7 @@ def _evaluate(arguments: argparse.Namespace) -> None:
             write_csv(arguments.out / "differences.csv", paired)
     kind = "validation" if arguments.validation else "held-out"
     print(f"\n{arguments.specimens} {kind} specimens of {class_in_words(vars(arguments))}, mean [95 % interval]\n")
-    print_table(summary, TASKS[next(iter(tasks.values()))].shown)
-    if paired and len(chosen) <= 12:
-        print_differences(paired)
+    print_compared(summary, paired if len(chosen) <= 12 else [], columns_of(TASKS[next(iter(tasks.values()))]))
 
 
 def _decide(

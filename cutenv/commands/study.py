@@ -36,7 +36,7 @@ def main(argv: Sequence[str]) -> int:
     arguments = _parser().parse_args(argv)
     from cutenv._base.validation import in_range, one_of
     from cutenv.commands.studied_cuts import check_page, studied_cuts, study_name
-    from cutenv.display.report.study_page import crossover_lines, table_lines, write_study
+    from cutenv.display.report.study_page import table_lines, write_study
     from cutenv.display.report.trainee_sheet import write_class_list, write_trainee_sheet
     from cutenv.records import load_operators
     from cutenv.records.scoring import METRICS
@@ -64,7 +64,7 @@ def main(argv: Sequence[str]) -> int:
         target_group=arguments.criterion_group,
         target=_criterion(arguments),
     )
-    print("\n".join([*table_lines(study), *crossover_lines(study)]))
+    print("\n".join(table_lines(study)))
     if arguments.until is not None:
         for k, report in enumerate(_decided(study, question, arguments.mark)):
             every = f"note: {report.remarks[0]}"  # holds for each person, and is said once

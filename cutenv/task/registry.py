@@ -91,11 +91,6 @@ class RegisteredTask:
 
         return privileged_names(self.task)
 
-    @property
-    def shown(self) -> tuple[str, ...]:
-        """Scores in printed tables."""
-        return ("return", "success", *(error[0] for error in self.errors), "peak_force_N", "time_s")
-
 
 _CORRECTING: Mapping[str, Any] = {
     "base": "script", "hold": 2, "control_hz": 10, "environments": 256, "batch_size": 4096, "epochs": 4,

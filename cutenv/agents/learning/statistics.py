@@ -2,7 +2,7 @@
 
 Means with 95 % intervals, paired differences of policies, interquartile means, and tables.
 
-Differences are on the same specimens.  Tables are CSV files, and text on the terminal.  Interquartile means with
+Differences are on the same specimens.  Tables are CSV files.  Interquartile means with
 stratified bootstrap intervals are after Agarwal et al. 2021 (their library: rliable).
 
 *Deep Reinforcement Learning at the Edge of the Statistical Precipice*, NeurIPS 2021.  A score of an agent is an array
@@ -28,9 +28,6 @@ from scipy.stats import trim_mean
 
 from cutenv._base.output import atomic_write
 
-SHOWN = ("return", "success", "tip_error_mm", "peak_force_N", "largest_jump_mm", "time_s")
-"""Scores in printed tables."""
-
 
 def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     """Write rows to CSV, atomically; missing values become empty cells."""
@@ -39,33 +36,6 @@ def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
         writer = csv.DictWriter(file, fieldnames=names, restval="")
         writer.writeheader()
         writer.writerows(rows)
-
-
-def print_table(summary: Sequence[Mapping[str, Any]], scores: Sequence[str] = SHOWN) -> None:
-    """Print policies' chosen scores with intervals, best return first."""
-    values = {(row["policy"], row["score"]): row for row in summary}
-    policies = sorted({row["policy"] for row in summary}, key=lambda name: -values[name, "return"]["mean"])
-    columns = [["", *policies]]
-    for score in scores:
-        cells = [values[policy, score] for policy in policies]
-        shown = [f"{cell['mean']:.3f} [{cell['low_95']:.3f}, {cell['high_95']:.3f}]" for cell in cells]
-        columns.append([score, *shown])
-    first, *widths = (max(map(len, column)) + 2 for column in columns)
-    for name, *row in zip(*columns, strict=True):
-        print(name.ljust(first) + "".join(text.rjust(width) for text, width in zip(row, widths, strict=True)))
-
-
-def print_differences(rows: Sequence[Mapping[str, Any]]) -> None:
-    """Print paired differences of return and success."""
-    values = {(row["baseline"], row["score"]): row for row in rows}
-    print(f"\n{rows[0]['policy']} minus each other on the same specimens, mean [95 % interval]\n")
-    print("".ljust(30) + "".join(score.rjust(28) for score in ("return", "success")))
-    for baseline in dict.fromkeys(row["baseline"] for row in rows):
-        cells = [values[baseline, score] for score in ("return", "success")]
-        shown = "".join(
-            f"{cell['mean']:+.3f} [{cell['low_95']:+.3f}, {cell['high_95']:+.3f}]".rjust(28) for cell in cells
-        )
-        print(baseline.ljust(30) + shown)
 
 
 def rows_of(path: Path) -> list[dict[str, str]]:

@@ -15,19 +15,10 @@ import numpy as np
 from cutenv.agents.learning.evaluation import Contestant, batched_rollout, contestant, evaluate
 from cutenv.agents.learning.options import class_in_words, drawn_as
 from cutenv.agents.learning.seeds import TEST_SEEDS
-from cutenv.agents.learning.statistics import (
-    SHOWN,
-    best_script,
-    differences,
-    print_differences,
-    print_table,
-    read_rows,
-    summarise,
-    write_csv,
-)
+from cutenv.agents.learning.statistics import best_script, differences, read_rows, summarise, write_csv
 from cutenv.agents.policy import BASELINES, CONSTANT_FEEDS, NULL_POLICIES, ORACLE, SCRIPTS, RandomAction
 from cutenv.display.report import CutPicture, TrainingResult, draw_cut, training_headline, write_training_page
-from cutenv.display.report.training_result import columns_of
+from cutenv.display.report.training_result import COLUMNS, Score, columns_of, comparison_table, differences_table
 from cutenv.task.registry import task_of
 
 
@@ -136,8 +127,7 @@ def compare_task(run: Path, facts: Mapping[str, Any], *, processes: int | None =
 
     print(f"\n{task_headline(agent, paired, task.scripts)}")
     print(f"\n{len(few)} held-out specimens of {class_in_words(arguments)}, mean [95 % interval]\n")
-    print_table(summary, task.shown)
-    print_differences(paired)
+    print_compared(summary, paired, columns_of(task))
     fewer = "".join(f"; {name}: on {one.specimens}" for name, one in planner.items())
     print(f"({', '.join(scripts)}: on {len(few) + len(more)} specimens{fewer})")
     print(f"\nWritten to {run}/: report.html (open it in a browser), policy/ (safetensors and card, needs no torch),")
@@ -223,6 +213,16 @@ def task_headline(agent: str, paired: Sequence[Mapping[str, Any]], scripts: Coll
         f"{claim} On the same {nearest['cuts']} held-out specimens, its return less that of {nearest['baseline']} is "
         f"{interval}."
     )
+
+
+def print_compared(
+    summary: Sequence[Mapping[str, Any]], paired: Sequence[Mapping[str, Any]], columns: Sequence[Score]
+) -> None:
+    """Print scores of policies, and any paired differences of the first."""
+    print("\n".join(comparison_table(summary, columns).lines(right=True)))
+    if paired:
+        print(f"\n{paired[0]['policy']} minus each other on the same specimens, mean [95 % interval]\n")
+        print("\n".join(differences_table(paired).lines(right=True)))
 
 
 _TEXTS = ("policy", "specimen_class", "end")
@@ -323,8 +323,8 @@ def compare(
     write_training_page(run / "report.html", result)
     print(f"\n{training_headline(result)[2]}")
     print(f"\n{len(seeds)} held-out specimens of {class_in_words(arguments)}, mean [95 % interval]\n")
-    print_table([row for row in summary if row["policy"] in shown], SHOWN[:4] + SHOWN[5:])
-    print_differences([row for row in paired if row["baseline"] in (script, rival, feed, ORACLE)])
+    near = [row for row in paired if row["baseline"] in (script, rival, feed, ORACLE)]
+    print_compared(result.summary, near, COLUMNS[:5])
     nearest = " and ".join(name for name in closer if name != agent)
     print(f"({nearest}: on {len(seeds) + len(more)} specimens; {ORACLE}: on {contestants[ORACLE].specimens})")
     print(f"\nWritten to {run}/: report.html (open it in a browser), policy/ (safetensors and card, needs no torch),")

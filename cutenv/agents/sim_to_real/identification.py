@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cutenv._base.arrays import Array
+from cutenv._base.table import aligned
 from cutenv._base.validation import parameter_table
 from cutenv.agents.sim_to_real.axis_response import (
     ForceDelay,
@@ -262,13 +263,6 @@ class Identification:
 
 def _shown(key: FileKey, value: float | None) -> str:
     return "-" if value is None else f"{key.from_si(value):.4g}"
-
-
-def aligned(rows: Iterable[tuple[str, ...]]) -> list[str]:
-    """Return rows of text as lines with aligned columns."""
-    rows = list(rows)
-    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
-    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
 
 
 APPROACH = 0.005

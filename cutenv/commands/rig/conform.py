@@ -15,6 +15,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
+from cutenv._base.table import aligned
 from cutenv.commands.options import RIG, command_parser
 from cutenv.commands.rig import reports_rig_errors
 from cutenv.rig.config.settings import EMULATED, FAKE, Axis, RigSettings, SensorSettings
@@ -141,11 +142,7 @@ def main(argv: Sequence[str]) -> int:
     else:
         for role, (driver, findings) in found.items():
             print(f"{role}: driver {driver}")
-            rows = [HEADER, *conformance_rows(findings)]
-            widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-            for row in rows:
-                cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
-                print(f"  {'  '.join(cells)}".rstrip())
+            print("\n".join(f"  {line}" for line in aligned([HEADER, *conformance_rows(findings)])))
     missed = [each for _, findings in found.values() for each in findings if not each.kept]
     total = sum(len(findings) for _, findings in found.values())
     if not arguments.json:

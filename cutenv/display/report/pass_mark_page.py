@@ -10,11 +10,12 @@ import json
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.stats import norm
 
+from cutenv._base.table import Reason, Row, Table
 from cutenv.display.report.page import (
     PHONE_WIDTH,
     label,
@@ -27,7 +28,7 @@ from cutenv.display.report.page import (
     write_table,
     write_text,
 )
-from cutenv.display.report.study_page import amount, correlation_text, in_columns, in_print
+from cutenv.display.report.study_page import amount, correlation_text, heading_of, in_print
 from cutenv.records.scoring import METRICS
 from cutenv.records.scoring.score_card import DISCLAIMER
 from cutenv.records.scoring.study import (
@@ -106,11 +107,8 @@ def pass_mark_lines(setting: StandardSetting) -> list[str]:
         f"{setting.name}: {len(setting.cuts)} cuts of {len(setting.operators)} people{groups * bool(setting.passing)}",
         "",
         f"{spoken(first.metric)}, {first.better} is better; each person is the mean of the cuts",
-        f"  {'method':31s} {'mark, 95 % interval':24s} {'false passes, in theory':35s} false fails, in theory",
+        *(f"  {line}" for line in marks_table(setting, first).lines()),
     ]
-    for name, cells, reason in mark_rows(setting, first):
-        told = f"no evidence: {reason}" if not cells else in_columns(cells, (24, 12, 22, 12, 22))
-        lines.append(f"  {name:31s} {told}".rstrip())
     lines += [f"  {_proficiency_line(setting, each)}" for each in (first, *others)]
     lines += _rater_lines(setting)
     notes = {found.mark.note for found in first.marks.values() if isinstance(found, PassMark) and found.mark.note}
@@ -137,31 +135,49 @@ def write_people(path: Path, setting: StandardSetting) -> None:
     write_table(path, rows)
 
 
-class MarkRow(NamedTuple):
-    """Method's name and cells.
-
-    The mark, then false passes and false fails, each observed and in theory.
-    """
-
-    name: str
-    cells: list[str]
-    reason: str
-    """Reason why there is no mark; "" if there is one."""
-
-
-def mark_rows(setting: StandardSetting, standard: Standard) -> list[MarkRow]:
-    """Return a row for each method of finding a mark."""
+def marks_table(setting: StandardSetting, standard: Standard) -> Table:
+    """Return a row for each method of finding a mark; marked: that of proficiency."""
     rows = []
     for method, found in standard.marks.items():
         name = method_name(setting, standard, method)
         if isinstance(found, NotEstimable):
-            rows.append(MarkRow(name, [], found.reason))
+            rows.append(Row(name, [Reason(f"no evidence: {found.reason}"), *[""] * 4]))
             continue
         cells = [mark_text(standard, found.mark)]
         for rate in (found.false_passes, found.false_fails):
             cells += [observed_text(rate), theory_text(rate)]
-        rows.append(MarkRow(name, cells, ""))
-    return rows
+        rows.append(Row(name, cells, found is standard.chosen))
+    unit = f" [{in_print(standard)[1]}]" if in_print(standard)[1] else ""
+    errors = (f"false {error}, {how}" for error in ("passes", "fails") for how in ("observed", "in theory"))
+    caption = f"Pass marks of {spoken(standard.metric)}{unit}, 95 % intervals over people"
+    return Table(caption, ["method", "mark", *errors], rows)
+
+
+def people_table(setting: StandardSetting, standard: Standard) -> Table:
+    """Return a row for each person: mean, passes, proficiency."""
+    rows = []
+    for operator, own in standard.proficiency.items():
+        mean = amount(standard, float(standard.series[operator].mean()))
+        group = [setting.group_of[operator]] if setting.passing else []
+        counts = [f"{own.passes} of {own.cuts}", str(own.longest), str(own.reached_at or "no")]
+        rows.append(Row(operator, [*group, mean, *counts]))
+    heads = ["person", *(["group"] if setting.passing else []), "mean", "passes", "longest row", "reached at cut"]
+    caption = "Mean of the cuts, passes, longest row of passes, and the cut after which proficiency was reached"
+    return Table(caption, heads, rows)
+
+
+def rater_table(setting: StandardSetting, rater: str) -> Table:
+    """Return each metric's correlation with a rater's marks."""
+    rows = []
+    for standard in setting.standards:
+        found = standard.raters[rater]
+        if isinstance(found, NotEstimable):
+            cells = [Reason(f"no evidence: {found.reason}"), "", ""]
+        else:
+            cells = [correlation_text(found.rank), correlation_text(found.linear), str(found.cuts)]
+        rows.append(Row(heading_of(standard), cells))
+    heads = ["metric", "in ranks (Spearman)", "linear (Pearson)", "cuts"]
+    return Table(f"Correlation with the marks of {rater}, 95 % intervals over people", heads, rows)
 
 
 def write_pass_marks(path: Path, setting: StandardSetting) -> None:
@@ -405,12 +421,12 @@ def write_pass_mark_page(
         fewest=FEWEST_FOR_AN_INTERVAL,
         evidence=validity_evidence(setting),
         meaning=_meaning,
-        named=_named,
-        marks=partial(_marks, setting),
+        heading_of=heading_of,
+        marks_table=marks_table,
+        people_table=people_table,
+        rater_table=rater_table,
         warnings=_warnings,
-        people=partial(_people, setting),
         who_reaches=partial(_who_reaches, setting),
-        rated=_rated,
         agreement=_agreement(setting),
         curves_figure=curves_figure,
         proficiency_figure=proficiency_figure,
@@ -452,25 +468,11 @@ def _groups(setting: StandardSetting) -> str:
     return f": group {setting.passing} is to pass" + (f", group {setting.failing} is not" if setting.failing else "")
 
 
-def _named(standard: Standard) -> tuple[str, str]:
-    """Return a metric's name and unit for people."""
-    return spoken(standard.metric), in_print(standard)[1]
-
-
 def _meaning(standard: Standard) -> str:
     way = "more is better" if standard.better == "higher" else "less is better"
     if standard.metric == "overall_score":
         return f"Score of one cut from 0 to 100; {way}."
     return f"{METRICS[standard.metric].meaning} ({way})."
-
-
-def _marks(setting: StandardSetting, standard: Standard) -> list[tuple[str, list[str], bool]]:
-    """Return methods with names, rows, and whether proficiency uses them."""
-    chosen = [found is standard.chosen for found in standard.marks.values()]
-    return [
-        (row.name, row.cells or ["no evidence", "", "", "", ""], own and row.cells != [])
-        for row, own in zip(mark_rows(setting, standard), chosen, strict=True)
-    ]
 
 
 def _warnings(standard: Standard) -> list[str]:
@@ -487,16 +489,6 @@ def _warnings(standard: Standard) -> list[str]:
     return said
 
 
-def _people(setting: StandardSetting, standard: Standard) -> list[tuple[str, list[str]]]:
-    rows = []
-    for operator, own in standard.proficiency.items():
-        mean = amount(standard, float(standard.series[operator].mean()))
-        group = [setting.group_of[operator]] if setting.passing else []
-        counts = [f"{own.passes} of {own.cuts}", str(own.longest), str(own.reached_at or "no")]
-        rows.append((operator, [*group, mean, *counts]))
-    return rows
-
-
 def _who_reaches(setting: StandardSetting, standard: Standard) -> str:
     """Return how many people of each group are proficient."""
     groups = dict.fromkeys(setting.group_of[each] for each in standard.series)
@@ -506,14 +498,6 @@ def _who_reaches(setting: StandardSetting, standard: Standard) -> str:
         reached = sum(each.reached_at is not None for each in own)
         parts.append(f"{reached} of {len(own)} people" + (f" of group {group}" if group else ""))
     return ", ".join(parts)
-
-
-def _rated(standard: Standard, rater: str) -> list[str]:
-    """Return rank and linear correlation with a rater and cuts, or why none."""
-    found = standard.raters[rater]
-    if isinstance(found, NotEstimable):
-        return [f"no evidence: {found.reason}", "", ""]
-    return [correlation_text(found.rank), correlation_text(found.linear), str(found.cuts)]
 
 
 def _agreement(setting: StandardSetting) -> list[list[str]] | str:

@@ -8,12 +8,12 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from cutenv._base.table import Heading, Reason, Row, Table
 from cutenv._base.unit_table import Unit, shown_unit
 from cutenv.display.report.page import (
     PHONE_WIDTH,
@@ -62,57 +62,94 @@ _WORDS = (
 
 
 def table_lines(study: Study) -> list[str]:
-    """Return a study as aligned text: people, reliability, separation, notes."""
-    unknown = shared_reason([found.reliability for found in study.findings])
-    lines = [
-        f"{study.name}: {count(len(study.cuts), 'cut')} of {count(len(study.operators), study.who)}",
-        "",
-        f"{'metric':24s} {'unit':6s} {'mean':>9s} {'SD between':>11s} {'SD within':>10s}  "
-        f"{'ICC of one cut':21s} {'ICC of the mean':21s} {'cuts for 0.8':>12s}",
-    ]
-    for found in study.findings:
-        *correlations, cuts = statistic_cells(found.reliability)
-        told = f"{in_columns(correlations, (21, 21))} {cuts:>12s}" if correlations else cuts * (not unknown)
-        mean, between, within = spread(found)
-        name = f"{spoken(found.metric):24s} {in_print(found)[1]:6s}"
-        lines.append(f"{name} {mean:>9s} {between:>11s} {within:>10s}  {told}".rstrip())
-    words = list(_WORDS[:1])
+    """Return a study as text: tables of its page, what they show, notes."""
+    lines = [f"{study.name}: {count(len(study.cuts), 'cut')} of {count(len(study.operators), study.who)}"]
+    lines += ["", *means_table(study).lines(right=True)]
+    words, notes = list(_WORDS[:1]), list(study.notes)
+    if unknown := shared_reason([found.reliability for found in study.findings]):
+        notes.insert(0, f"no reliability: {unknown.removeprefix('series: ')}")
+    else:
+        lines += ["", *reliability_table(study).lines()]
     if study.groups is not None:
         words.append(_WORDS[1])
-        first, second = study.groups
-        lines += ["", f"{'metric':24s} P({first} > {second}){'':4s} Hedges' g"]
-        if nothing := shared_reason([found.separation for found in study.findings]):
-            lines[-1] = f"no difference of {first} and {second}: {nothing}"
-        for found in study.findings * (not nothing):
-            lines.append(f"{spoken(found.metric):24s} {in_columns(statistic_cells(found.separation))}")
-    if len(study.sessions) > 1:
-        words.append(_WORDS[2])
-        lines += ["", f"{'metric':24s} {'sessions, agreement':21s} sessions, consistency"]
-        for found in study.findings:
-            lines.append(f"{spoken(found.metric):24s} {in_columns(statistic_cells(found.retest))}")
+        nothing = shared_reason([found.separation for found in study.findings])
+        missing = [f"no difference of {' and '.join(study.groups)}: {nothing}"]
+        lines += ["", *(missing if nothing else separation_table(study).lines())]
+    words += _WORDS[2:] if _retested(study) else ()
+    if (crossed := crossed_conditions(study)) is not None:
+        said = f"Feedback {crossed.conditions[0]} against {crossed.conditions[1]}, within people. {crossed.orders}"
+        lines += ["", said.rstrip(), *crossed.table.lines()]
     lines += ["", *(line for text in words for line in textwrap.wrap(text, 110, subsequent_indent="  "))]
-    notes = [f"no reliability: {unknown.removeprefix('series: ')}"] * bool(unknown)
-    return [*lines, "", *(f"note: {note}" for note in (*notes, *study.notes, DISCLAIMER))]
+    return [*lines, "", *(f"note: {note}" for note in (*notes, DISCLAIMER))]
 
 
-class CrossoverRow(NamedTuple):
-    """Metric, unit, three estimates as text, whether the difference excludes 0."""
+def means_table(study: Study) -> Table:
+    """Return means and spread of every metric."""
+    groups = _groups(study) if study.groups else []
+    heads = ["metric", "mean", *groups, f"SD between {study.who}s", f"SD within {_an(study.who)}", "cuts"]
+    rows = [Row(heading_of(found), _means_and_spread(study, groups, found)) for found in study.findings]
+    return Table(f"Means over {study.who}s, each counting the same; and spread", heads, rows)
 
-    name: str
-    cells: list[str]
-    apart: bool
+
+def separation_table(study: Study) -> Table:
+    """Return how two groups differ, by metric; marked where the interval of P excludes 0.5."""
+    assert study.groups is not None
+    first, second = study.groups
+    rows = [Row(heading_of(found), statistic_cells(found.separation, 2), _apart(found)) for found in study.findings]
+    return Table(f"{first} against {second}", ["metric", f"P({first} larger than {second})", "Hedges' g"], rows)
 
 
-class CrossoverRows(NamedTuple):
-    """Rows of a crossover, its two conditions, and their orders."""
+def reliability_table(study: Study) -> Table:
+    """Return intraclass correlations of every metric, also of sessions if there are several."""
+    retested = _retested(study)
+    heads = ["metric", "one cut", f"mean of {_an(study.who)}'s cuts", "cuts for 0.8"]
+    heads += ["sessions, agreement", "sessions, consistency"] * retested
+    rows = [
+        Row(
+            heading_of(found),
+            statistic_cells(found.reliability, 3) + (statistic_cells(found.retest, 2) if retested else []),
+        )
+        for found in study.findings
+    ]
+    return Table("Intraclass correlations, in brackets 95 % intervals", heads, rows)
 
-    rows: list[CrossoverRow]
+
+def people_table(study: Study, found: Findings) -> Table:
+    """Return a metric of every person: cuts, mean, SD, first, last, signals."""
+    sums = found.cusums if isinstance(found.cusums, Mapping) else {}
+    rows = []
+    for operator, values in found.series.items():
+        cusum = sums.get(operator)
+        cells = [
+            *([study.group_of[operator]] if study.groups else []),
+            str(len(values)),
+            digits_of(found, float(values.mean())),
+            "" if len(values) < 2 else digits_of(found, float(values.std(ddof=1))),
+            digits_of(found, float(values[0])),
+            digits_of(found, float(values[-1])),
+            "" if cusum is None else str(cusum.reached_at or "no"),
+            "" if cusum is None else str(cusum.left_at or "no"),
+        ]
+        rows.append(Row(operator, cells))
+    unit = f" [{in_print(found)[1]}]" if in_print(found)[1] else ""
+    signals = "number of the cut at which the sums signal that the target is reached, or left again"
+    heads = [study.who, *(["group"] if study.groups else []), "cuts", "mean", "SD", "first", "last", "reached", "left"]
+    return Table(f"{spoken(found.metric)}{unit}. Reached, left: {signals}", heads, rows)
+
+
+class CrossedConditions(NamedTuple):
+    """Crossover's table, its two conditions, and who began with which."""
+
+    table: Table
     conditions: tuple[str, str]
     orders: str
 
 
-def crossover_rows(study: Study) -> CrossoverRows | None:
-    """Return a crossover as text, None without two conditions."""
+def crossed_conditions(study: Study) -> CrossedConditions | None:
+    """Return a crossover's table, None without two conditions.
+
+    A row is marked where the interval of the difference excludes 0.
+    """
     found = crossovers(study)
     conditions = tuple(sorted({cut.condition for cut in study.cuts if cut.condition}))
     if len(conditions) != 2:
@@ -122,27 +159,30 @@ def crossover_rows(study: Study) -> CrossoverRows | None:
     rows = []
     for metric, each in found.items():
         unit = shown_unit(study.cuts[0].card.unit(metric)) if metric in METRICS else Unit("1", "1")
-        sign = unit.sign.replace("s2", "s²")
-        name = spoken(metric) + (f" [{sign}]" if sign != "1" else "")
+        heading = spoken(metric) if unit.sign == "1" else (spoken(metric), typeset(unit.sign))
         if isinstance(each, NotEstimable):
-            rows.append(CrossoverRow(name, [each.reason, "", ""], False))
+            rows.append(Row(heading, [Reason(each.reason), "", ""]))
             continue
         orders = _orders_of(each)
         cells = [_in_unit(estimate, unit) for estimate in (each.difference, each.order, each.carry_over)]
-        rows.append(CrossoverRow(name, cells, _excludes_zero(each.difference)))
-    return CrossoverRows(rows, (first, second), orders)
+        rows.append(Row(heading, cells, _excludes_zero(each.difference)))
+    caption = f"{first} minus {second}, within {study.who}s; 95 % intervals"
+    table = Table(caption, ["metric", "difference", "second half minus first", "orders apart"], rows)
+    return CrossedConditions(table, (first, second), orders)
 
 
-def crossover_lines(study: Study) -> list[str]:
-    """Return a crossover as aligned text, [] without one."""
-    crossed = crossover_rows(study)
-    if crossed is None:
-        return []
-    first, second = crossed.conditions
-    head = f"{'metric':28s} {f'{first} minus {second}':26s} {'second half minus first':26s} orders apart"
-    lines = [in_columns([row.name, *row.cells], (28, 26, 26, 26)).rstrip() for row in crossed.rows]
-    said = f"Feedback {first} against {second}, within people. {crossed.orders}".rstrip()
-    return ["", said, head, *lines]
+def heading_of(found: Findings | Standard) -> Heading:
+    """Return a metric's name, with any unit."""
+    unit = in_print(found)[1]
+    return (spoken(found.metric), unit) if unit else spoken(found.metric)
+
+
+def _groups(study: Study) -> list[str]:
+    return [group for group in dict.fromkeys(study.group_of.values()) if group]
+
+
+def _retested(study: Study) -> bool:
+    return any(isinstance(found.retest, Intraclass) for found in study.findings)
 
 
 def _orders_of(each: Crossover) -> str:
@@ -238,24 +278,19 @@ def cuts_needed(reliability: OneWay) -> str:
     return f"more than {_LONGEST}" if cuts > _LONGEST else str(max(1, math.ceil(cuts)))
 
 
-def statistic_cells(found: OneWay | Separation | Intraclass | NotEstimable) -> list[str]:
-    """Return a statistic's estimates as text, or why there are none.
+def statistic_cells(found: OneWay | Separation | Intraclass | NotEstimable, count: int) -> list[str]:
+    """Return ``count`` cells: a statistic's estimates, or why there are none.
 
     Of reliability the correlation of one cut, of the mean, and the cuts needed for 0.8; of a separation superiority and
     difference; of sessions agreement and consistency.
     """
     if isinstance(found, NotEstimable):
-        return [found.reason]
+        return [Reason(found.reason), *[""] * (count - 1)]
     if isinstance(found, Separation):
         return [interval_text(found.superiority), interval_text(found.difference)]
     if isinstance(found, Intraclass):
         return [correlation_text(found.agreement), correlation_text(found.consistency)]
     return [correlation_text(found.single), correlation_text(found.mean), cuts_needed(found)]
-
-
-def in_columns(cells: Sequence[str], widths: Sequence[int] = (21, 0)) -> str:
-    """Return cells as columns of these widths, for the terminal."""
-    return " ".join(f"{cell:{width}s}" for cell, width in zip(cells, widths, strict=False))
 
 
 def correlation(value: float) -> str:
@@ -464,7 +499,7 @@ def write_study(
         If matplotlib is not installed; the message gives the command that installs it.
     """
     cuts, people = count(len(study.cuts), "cut"), count(len(study.operators), study.who)
-    groups = [group for group in dict.fromkeys(study.group_of.values()) if group]
+    groups = _groups(study)
     by = f" in {len(groups)} groups ({', '.join(groups)})" if len(groups) > 1 else ""
     write_page(
         path,
@@ -476,21 +511,20 @@ def write_study(
         disclaimer=DISCLAIMER,
         meaning=_meaning,
         progress=progress,
-        groups=groups if study.groups else [],
-        retested=any(isinstance(found.retest, Intraclass) for found in study.findings),
+        retested=_retested(study),
         an=_an(study.who),
-        apart=_apart,
         without_groups=shared_reason([found.separation for found in study.findings]),
         without_reliability=shared_reason([found.reliability for found in study.findings]),
         caption=_caption,
         changes=_changes,
-        means_and_spread=partial(_means_and_spread, study, groups if study.groups else []),
-        people=partial(_people, study),
-        statistic_cells=statistic_cells,
-        unit=lambda found: in_print(found)[1],
+        heading_of=heading_of,
+        means_table=means_table,
+        separation_table=separation_table,
+        reliability_table=reliability_table,
+        people_table=people_table,
         groups_figure=groups_figure,
         learning_figure=learning_figure,
-        crossed=crossover_rows(study),
+        crossed=crossed_conditions(study),
         reliability_figure=reliability_figure,
     )
     cards = path.with_suffix(".csv")
@@ -553,26 +587,6 @@ def _means_and_spread(study: Study, groups: Sequence[str], found: Findings) -> l
         within,
         str(sum(len(values) for values in found.series.values())),
     ]
-
-
-def _people(study: Study, found: Findings) -> list[tuple[str, list[str]]]:
-    """Return rows by person: group, cuts, mean, SD, first, last, signals."""
-    sums = found.cusums if isinstance(found.cusums, Mapping) else {}
-    rows = []
-    for operator, values in found.series.items():
-        cusum = sums.get(operator)
-        cells = [
-            *([study.group_of[operator]] if study.groups else []),
-            str(len(values)),
-            digits_of(found, float(values.mean())),
-            "" if len(values) < 2 else digits_of(found, float(values.std(ddof=1))),
-            digits_of(found, float(values[0])),
-            digits_of(found, float(values[-1])),
-            "" if cusum is None else str(cusum.reached_at or "no"),
-            "" if cusum is None else str(cusum.left_at or "no"),
-        ]
-        rows.append((operator, cells))
-    return rows
 
 
 def _caption(found: Findings) -> str:

@@ -5,15 +5,15 @@ The agent's results beside scripts, on specimens that it has never seen.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from cutenv._base.table import Table
 from cutenv.display.report.page import (
     LIMITS,
     MEANINGS,
-    estimate_text,
     further_meanings,
     number,
     term_meanings,
@@ -21,13 +21,15 @@ from cutenv.display.report.page import (
 )
 from cutenv.display.report.record_figure import cut_figure, floor_figure, mean_depth_error_mm
 from cutenv.display.report.training_result import (
-    DIFFERENCES,
     SPECIMEN_CLASS,
     CutPicture,
     Score,
     TrainingResult,
+    comparison_table,
     costs_figure,
     curve_figure,
+    differences_table,
+    outcome,
     returns_figure,
 )
 from cutenv.task.reward import GAINS
@@ -60,12 +62,8 @@ def write_training_page(path: Path, result: TrainingResult) -> None:
         result=result,
         headline=training_headline(result),
         stronger=_stronger_scripts(result),
-        columns=result.columns,
-        differences=DIFFERENCES,
-        baselines=[row["baseline"] for row in result.differences],
-        heads=_heads,
-        shown=_shown,
-        decision=partial(_decision, result),
+        comparison=_comparison(result),
+        differences=differences_table(result.differences_by_return(), "Mean paired differences with 95 % intervals"),
         bars=[result.bar(policy, "return") for policy in result.policies],
         best=max(grid, key=lambda row: float(row["mean"]), default=None),
         grid_heads=[("speed", "cm/s"), *(f"{angle:g}\u00b0" for angle in sorted({row["angle_deg"] for row in grid}))],
@@ -91,8 +89,8 @@ def training_headline(result: TrainingResult) -> tuple[str, str, str]:
     """
     best, rival = result.best_script, result.rival_script
     tried = f"Over {_difference(result, best)['cuts']:.0f} held-out specimens of class {result.facts[SPECIMEN_CLASS]}, "
-    kind = _outcome(_difference(result, best))
-    if kind != "good" and rival is not None and _outcome(_difference(result, rival)) == "good":
+    kind = outcome(_difference(result, best))
+    if kind != "good" and rival is not None and outcome(_difference(result, rival)) == "good":
         word = "Better than every script but its teacher"
         claim = f"{result.agent} beats {rival}, the best script that did not teach it"
         against = {"bad": "It does not beat", "open": "It is level with"}[kind]
@@ -113,11 +111,6 @@ def _difference(result: TrainingResult, script: str) -> Mapping[str, Any]:
     return difference
 
 
-def _outcome(difference: Mapping[str, Any]) -> str:
-    """Return what a paired difference says: good, bad or open."""
-    return "good" if difference["low_95"] > 0.0 else "bad" if difference["high_95"] < 0.0 else "open"
-
-
 def _compared(result: TrainingResult, script: str) -> str:
     """Return paired differences from a script in words: return, success."""
     difference = _difference(result, script)
@@ -127,7 +120,7 @@ def _compared(result: TrainingResult, script: str) -> str:
         "bad": f"is lower by {_interval(-mean, -high, -low)}",
         "open": f"differs by {_interval(mean, low, high)}, an interval that holds 0",
     }
-    return f"its return {words[_outcome(difference)]}{_succeeded(result, script)}"
+    return f"its return {words[outcome(difference)]}{_succeeded(result, script)}"
 
 
 def _interval(mean: float, low: float, high: float) -> str:
@@ -159,34 +152,17 @@ def _left(result: TrainingResult) -> str:
     return f" On {most['cuts']:.0f} of them {bound}, {number(gap, 2)} more than the agent."
 
 
+def _comparison(result: TrainingResult) -> Table:
+    cuts = result.score(result.agent, "return")["cuts"]
+    caption = f"Means over {cuts:.0f} held-out specimens, with 95 % intervals"
+    return comparison_table(result.summary, result.columns, caption, result.agent)
+
+
 def _stronger_scripts(result: TrainingResult) -> list[str]:
     """Return policies that got more than the headline's script."""
     others = [policy for policy in result.policies if result.role(policy) == "other"]
     least = result.score(result.best_script, "return")["mean"]
     return [policy for policy in others if result.score(policy, "return")["mean"] > least]
-
-
-def _heads(columns: Sequence[Score]) -> list[str | tuple[str, str]]:
-    return [(column.heading, column.unit) if column.unit else column.heading for column in columns]
-
-
-def _shown(row_of: Callable[[str, str], Mapping[str, Any] | None], policy: str, columns: Sequence[Score]) -> list[str]:
-    """Return a policy's means with intervals, or dashes."""
-    cells = []
-    for column in columns:
-        row = row_of(policy, column.name)
-        mean, low, high = (column.factor * row[name] if row else 0.0 for name in ("mean", "low_95", "high_95"))
-        if column.unit == "%":  # a normal interval of a share may reach beyond 0 or 100 %
-            low, high = max(low, 0.0), min(high, 100.0)
-        cells.append(estimate_text(mean, low, high, column.digits) if row else "\u2013")
-    return cells
-
-
-def _decision(result: TrainingResult, baseline: str) -> str:
-    row = result.difference(baseline, "return")
-    if row is None:
-        return "not compared"
-    return {"good": "better", "bad": "worse", "open": "undecided"}[_outcome(row)]
 
 
 def _costs(result: TrainingResult) -> dict[str, Any]:
@@ -205,7 +181,7 @@ def _costs(result: TrainingResult) -> dict[str, Any]:
         "unpaid": [_title(term) for term in unpaid],
         "cost_bars": bars,
         "dearest": [f"{own[0].policy} {own[0].mean:.2f}" for own in bars if own],
-        "terms": [(title, [_shown(result.score, p, [score])[0] for p in policies]) for title, score in terms],
+        "terms": [(title, [score.cell(result.score(p, score.name)) for p in policies]) for title, score in terms],
     }
 
 

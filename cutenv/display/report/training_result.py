@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv._base.arrays import StructArray
+from cutenv._base.table import Heading, Row, Table
 from cutenv._base.validation import array_in_range, in_range, one_of
-from cutenv.display.report.page import PHONE_WIDTH, label, new_figure, plain_axes, term_meanings
+from cutenv.display.report.page import PHONE_WIDTH, estimate_text, label, new_figure, plain_axes, term_meanings
 from cutenv.sim.cutting.dtypes import READING
 from cutenv.task.episode import ShownDepth
 from cutenv.task.registry import RegisteredTask
@@ -54,9 +55,23 @@ class Score:
         """Factor from the data's unit to the one shown, such as percent."""
         return 100.0 if self.unit in ("%", "percentage points") else 1.0
 
+    @property
+    def head(self) -> Heading:
+        """Heading of its column."""
+        return (self.heading, self.unit) if self.unit else self.heading
+
+    def cell(self, row: Mapping[str, Any] | None) -> str:
+        """Return a mean with its interval, or a dash."""
+        if row is None:
+            return "\u2013"
+        mean, low, high = (self.factor * float(row[name]) for name in ("mean", "low_95", "high_95"))
+        if self.unit == "%":  # a normal interval of a share may reach beyond 0 or 100 %
+            low, high = max(low, 0.0), min(high, 100.0)
+        return estimate_text(mean, low, high, self.digits)
+
 
 COLUMNS = (
-    Score("return", "return", "", 2),
+    Score("return", "return", "", 3),
     Score("success", "success", "%", 0),
     Score("tip_error_mm", "tip error", "mm", 2),
     Score("peak_force_N", "peak force", "N", 2),
@@ -74,8 +89,37 @@ DIFFERENCES = (
 
 
 def columns_of(task: RegisteredTask) -> tuple[Score, ...]:
-    """Return the scores compared on another task than gentle cutting."""
-    return (*COLUMNS[:2], *(Score(*error) for error in task.errors), *COLUMNS[2:5])
+    """Return the scores compared on a task."""
+    return tuple(dict.fromkeys((*COLUMNS[:2], *(Score(*error) for error in task.errors), *COLUMNS[2:5])))
+
+
+def comparison_table(
+    summary: Sequence[Mapping[str, Any]], columns: Sequence[Score], caption: str = "", own: str = ""
+) -> Table:
+    """Return policies' scores with intervals, best return first; ``own`` is marked."""
+    values = {(row["policy"], row["score"]): row for row in summary}
+    policies = sorted(dict.fromkeys(policy for policy, _ in values), key=lambda name: -values[name, "return"]["mean"])
+    rows = [Row(p, [column.cell(values.get((p, column.name))) for column in columns], p == own) for p in policies]
+    return Table(caption, ["policy", *(column.head for column in columns)], rows)
+
+
+def differences_table(paired: Sequence[Mapping[str, Any]], caption: str = "") -> Table:
+    """Return a policy's paired differences from baselines, and whether it is better."""
+    values = {(row["baseline"], row["score"]): row for row in paired}
+    rows = []
+    for baseline in dict.fromkeys(row["baseline"] for row in paired):
+        cells = [column.cell(values.get((baseline, column.name))) for column in DIFFERENCES]
+        found = values.get((baseline, "return"))
+        rows.append(Row(baseline, [*cells, "not compared" if found is None else _DECIDED[outcome(found)]]))
+    return Table(caption, ["baseline", *(column.head for column in DIFFERENCES), "by return"], rows)
+
+
+_DECIDED = {"good": "better", "bad": "worse", "open": "undecided"}
+
+
+def outcome(difference: Mapping[str, Any]) -> str:
+    """Return what a paired difference says: good, bad or open."""
+    return "good" if difference["low_95"] > 0.0 else "bad" if difference["high_95"] < 0.0 else "open"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -266,6 +310,11 @@ class TrainingResult:
         """Return the row of differences for a baseline and score, or None."""
         found = (row for row in self.differences if (row["baseline"], row["score"]) == (baseline, name))
         return next(found, None)
+
+    def differences_by_return(self) -> list[Mapping[str, Any]]:
+        """Return the rows of differences, of the best baseline first."""
+        places = {policy: place for place, policy in enumerate(self.policies)}
+        return sorted(self.differences, key=lambda row: places[row["baseline"]])
 
     def role(self, policy: str) -> str:
         """Return the role of a policy; see :data:`cutenv.display.report.training_result.ROLES`."""

@@ -20,12 +20,12 @@ from pathlib import Path
 
 import numpy as np
 
+from cutenv._base.table import aligned
 from cutenv.records import ColumnMap, load_foreign
 from cutenv.records.measurement import Segment, loading_segments
 from cutenv.records.measurement.segments import STRAIGHT_RAMP
 from cutenv.sim.trace import Trace
 from scripts import ROOT
-from scripts.tables import aligned
 
 DATA = ROOT.parent / "shared" / "data" / "scalpel_excision_forces.csv"
 CUT_SAMPLES = 120
@@ -126,7 +126,7 @@ def table(traces: list[Trace]) -> str:
     for trial, cuts in [*by_trial(traces).items(), ("all", traces)]:
         n, *numbers = force_statistics(cuts).values()
         rows.append([trial, f"{n:.0f}", *(f"{number:.3f}" for number in numbers)])
-    return "\n".join(aligned(heads, rows, right=True))
+    return "\n".join(aligned([heads, *rows], right=True))
 
 
 def segment_table(traces: list[Trace]) -> str:
@@ -148,7 +148,7 @@ def segment_table(traces: list[Trace]) -> str:
         quartiles = f"{found['rate_low']:.2f} to {found['rate_high']:.2f}"
         numbers = [f"{found[name]:.2f}" for name in ("drops", "drops_sd", "drop", "straight", "first_rate", "rate")]
         rows.append([trial, f"{len(cuts)}", *(number.replace("nan", "-") for number in (*numbers, quartiles))])
-    return "\n".join(aligned(heads, rows, right=True))
+    return "\n".join(aligned([heads, *rows], right=True))
 
 
 def draw_cuts(traces: list[Trace], path: Path) -> None:

@@ -34,10 +34,11 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
+from cutenv._base.table import aligned
 from cutenv.rig.config.settings import EMULATOR
 from cutenv.rig.errors import RigError
 from cutenv.rig.imitated.emulator.process import RunningEmulator, start
-from scripts.tables import aligned, keep_json, markdown_table
+from scripts.tables import keep_json, markdown_table
 from scripts.validation.rig.busy_host import TooBusy, look
 from scripts.validation.rig.cross_trials import CrossingRig, cross_trial
 from scripts.validation.rig.cutting_rig import CuttingRig
@@ -262,7 +263,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         for number, each in enumerate(_of(fault, trials))
         for why in each.wrong()
     ]
-    print("\n".join(aligned(HEADER, rows(kept))))
+    print("\n".join(aligned([HEADER, *rows(kept)])))
     print(f"\nmedian, greatest; {len(trials)} trials, {len(wrong)} not as promised")
     print("\n".join(wrong))
     return 1 if wrong else 0

@@ -14,9 +14,9 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from cutenv._base.table import aligned
 from scripts import ROOT
 from scripts.drawings.thesis import FIGURES, NOT_DRAWN, draw
-from scripts.tables import aligned
 from scripts.validation.thesis import COMPARISONS, Comparison
 
 MARKS = {True: "ok", False: "MISS", None: "--"}
@@ -25,7 +25,7 @@ MARKS = {True: "ok", False: "MISS", None: "--"}
 def underlined(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Return text columns under ``header``, with a line below it."""
     line = ["-" * max(map(len, column)) for column in zip(header, *rows, strict=True)]
-    return "\n".join(aligned(header, [line, *rows]))
+    return "\n".join(aligned([header, line, *rows]))
 
 
 def text_of(name: str, comparison: Comparison) -> str:

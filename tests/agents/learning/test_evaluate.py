@@ -26,7 +26,6 @@ from cutenv.agents.learning.statistics import (
     by_policy,
     differences,
     mean_with_interval,
-    print_table,
     summarise,
     write_csv,
 )
@@ -102,15 +101,6 @@ def test_a_summary_has_every_number_of_every_policy_and_no_text():
     assert list(by_policy(ROWS)) == ["ours", "theirs"]
     assert best_script(summary, ["theirs", "ours", "nobody"]) == "ours"
     assert best_script(summary, ["theirs"]) == "theirs"
-
-
-def test_the_wide_cells_of_a_table_do_not_run_into_each_other(capsys):
-    numbers = {"return": -0.1, "success": 0.0, "largest_line_distance_mm": 90.9987}
-    cells = [{"score": score, "mean": mean, "low_95": mean, "high_95": 103.5821} for score, mean in numbers.items()]
-    print_table([{"policy": "nothing", **cell} for cell in cells], tuple(numbers))
-    header, row = capsys.readouterr().out.splitlines()
-    assert header.split() == [*numbers]
-    assert re.split("  +", row)[1:] == [f"{mean:.3f} [{mean:.3f}, 103.582]" for mean in numbers.values()]
 
 
 def test_seeds_for_training_validation_and_test_are_disjoint():
@@ -274,7 +264,7 @@ def test_the_program_compares_a_trained_policy_with_a_baseline(folder, tmp_path)
     assert done.returncode == 0, done.stderr
     assert "2 held-out specimens of class mixed" in done.stdout
     differences_shown = done.stdout.partition(f"{folder} minus each other on the same specimens")[2].splitlines()
-    assert differences_shown[2].split() == ["return", "success"]  # the columns are named
+    assert differences_shown[2].split("  ")[-1].strip() == "by return"  # the columns are named
     assert {path.name for path in (tmp_path / "scores").iterdir()} == {"scores.csv", "summary.csv", "differences.csv"}
     with (tmp_path / "scores" / "scores.csv").open() as file:
         scores = list(csv.DictReader(file))

@@ -223,7 +223,8 @@ def test_an_agent_above_the_bound_has_nothing_left() -> None:
     for row in changed:
         if (row["policy"], row["score"]) == (BOUND, "return"):
             row.update(made_up.row(0.6, 0.01))
-    paired = [row | ({"mean": 0.04} if row["baseline"] == BOUND else {}) for row in made_up.differences()]
+    above = {"mean": 0.04, "low_95": 0.03, "high_95": 0.05}
+    paired = [row | (above if row["baseline"] == BOUND else {}) for row in made_up.differences()]
     sentences = training_headline(result(summary=changed, differences=paired))[2]
     assert f"Nothing is left to the upper bound ({BOUND}), which gets 0.60" in sentences
 

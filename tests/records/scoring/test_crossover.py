@@ -10,7 +10,7 @@ from made_up_study import sawing
 from scipy.stats import t as student
 from scipy.stats import ttest_rel
 
-from cutenv.display.report.study_page import crossover_lines, crossover_rows, write_study
+from cutenv.display.report.study_page import crossed_conditions, table_lines, write_study
 from cutenv.records.scoring import score
 from cutenv.records.scoring.study import StudiedCut, Study, condition_of, crossover, crossovers
 
@@ -99,15 +99,16 @@ def test_a_study_tells_it_for_every_metric_in_millimetres_and_newtons(tmp_path: 
                 cuts.append(StudiedCut(card=card, operator=f"P{n}", condition=condition))
     study = Study(name="made up", cuts=cuts, metrics=("force_rate",))
     assert list(crossovers(study)) == ["overall_score", "force_rate"]
-    crossed = crossover_rows(study)
+    crossed = crossed_conditions(study)
     assert crossed is not None
-    row = crossed.rows[1]
-    assert (row.name, row.apart) == ("force rate [N/s]", True)
-    text = "\n".join(crossover_lines(study))
+    row = crossed.table.rows[1]
+    assert (row.heading, row.marked) == (("force rate", "N/s"), True)
+    text = "\n".join(table_lines(study))
     assert "3 began with always, 3 with never." in text
     pytest.importorskip("matplotlib", reason="pictures are an extra: pip install 'cutenv[view]'")
     write_study(tmp_path / "study.html", study)
     assert "always minus never, within operators" in (tmp_path / "study.html").read_text(encoding="utf-8")
     assert "force rate [N/s]" in text
     plain = Study(name="made up", cuts=[StudiedCut(card=cut.card, operator=cut.operator) for cut in cuts])
-    assert crossover_lines(plain) == []
+    assert crossed_conditions(plain) is None
+    assert "Feedback" not in "\n".join(table_lines(plain))

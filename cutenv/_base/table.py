@@ -1,0 +1,57 @@
+"""Tables of results: declared once, and rendered as text, as HTML by pages' templates, or as Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+Heading = str | tuple[str, str]
+"""Heading of a column or row: a text, or a text and a unit."""
+
+
+class Reason(str):
+    """Reason why there is no value, in a cell's place.
+
+    The cells after it are empty; no column is made wider for it.
+    """
+
+    __slots__ = ()
+
+
+class Row(NamedTuple):
+    """Row of a table; a marked one stands out on a page."""
+
+    heading: Heading
+    cells: Sequence[str]
+    marked: bool = False
+
+
+class Table(NamedTuple):
+    """Table of a result.
+
+    The first of the headings is that of the rows' headings.
+    """
+
+    caption: str
+    heads: Sequence[Heading]
+    rows: Sequence[Row]
+
+    def lines(self, *, right: bool = False) -> list[str]:
+        """Return aligned lines of text, without the caption; cells at the left or the right of their columns."""
+        return aligned([self.heads, *([row.heading, *row.cells] for row in self.rows)], right=right)
+
+
+def aligned(rows: Sequence[Sequence[Heading]], *, right: bool = False) -> list[str]:
+    """Return rows of cells as lines whose columns are two spaces apart.
+
+    The first column is at its left, the others at their left or right.
+    """
+    texts = [[cell if isinstance(cell, str) else f"{cell[0]} [{cell[1]}]" for cell in row] for row in rows]
+    widths = [max(map(_width, column)) for column in zip(*texts, strict=True)]
+    sides = "<" + (">" if right else "<") * len(widths)
+    lines = (zip(row, sides, widths, strict=False) for row in texts)
+    return ["  ".join(f"{cell:{side}{width}}" for cell, side, width in line).rstrip() for line in lines]
+
+
+def _width(cell: str) -> int:
+    return 0 if isinstance(cell, Reason) else len(cell)
