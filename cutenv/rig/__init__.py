@@ -2,7 +2,7 @@
 
 - :mod:`~cutenv.rig.safety`: the supervisor, its monitors, causes of a stop and quick stops;
 - :mod:`~cutenv.rig.devices`: protocols and registry of drivers, and the drivers of the thesis's rig;
-- :mod:`~cutenv.rig.drivers`: further drivers, and the conformance that anybody's driver is tried by;
+- :mod:`~cutenv.rig.plugins`: further drivers, and the conformance that anybody's driver is tried by;
 - :mod:`~cutenv.rig.operation`: operator, checks before motion, session and recorder;
 - :mod:`~cutenv.rig.config`: a rig's settings, calibrations and identified constants;
 - :mod:`~cutenv.rig.imitated`: the emulator on real wires and the fake in memory;

@@ -18,7 +18,9 @@ from cutenv._base import resources
 from cutenv.rig.config.settings import SensorSettings, fake_settings
 from cutenv.rig.devices.driver_registry import Mounting
 from cutenv.rig.devices.host import SystemClock
-from cutenv.rig.drivers.analogue_sensor import (
+from cutenv.rig.errors import RigError
+from cutenv.rig.imitated.emulator.sensor_server import BoardServer
+from cutenv.rig.plugins.analogue_sensor import (
     CHANNEL_AT_END,
     SHIPPED_CALIBRATION,
     AnalogueCalibration,
@@ -26,8 +28,6 @@ from cutenv.rig.drivers.analogue_sensor import (
     AnalogueSensor,
     NidaqmxBoard,
 )
-from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.emulator.sensor_server import BoardServer
 from cutenv.rig.toml_file import read_rig_file, to_toml
 
 JR3 = AnalogueCalibration.read(SHIPPED_CALIBRATION)

@@ -15,14 +15,14 @@ from waiting import until
 from cutenv.rig.config.settings import RigSettings, SensorCalibration
 from cutenv.rig.contradictions import refuse_contradictions
 from cutenv.rig.devices import DriveState, Mounting, RigError, SystemClock
-from cutenv.rig.drivers.conformance import Listening, conform_motion
-from cutenv.rig.drivers.grbl_axis import PIECE, SENT_AHEAD, GrblAxis, GrblStatus, grbl_status, jog_line
-from cutenv.rig.drivers.slow_profile import grbl_settings
 from cutenv.rig.hardware import rig_plant
 from cutenv.rig.imitated.emulator.firmware import EmulatedGrbl
 from cutenv.rig.imitated.emulator.serial_rig import EmulatedSerialRig, SerialOptions
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.preflight import prepare
+from cutenv.rig.plugins.conformance import Listening, conform_motion
+from cutenv.rig.plugins.grbl_axis import PIECE, SENT_AHEAD, GrblAxis, GrblStatus, grbl_status, jog_line
+from cutenv.rig.plugins.slow_profile import grbl_settings
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.toml_file import template
 
@@ -175,8 +175,8 @@ def test_a_machine_that_is_set_otherwise_is_refused_with_the_lines_to_send(
 
 
 def test_a_port_without_grbl_is_named(machine: EmulatedGrbl, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cutenv.rig.drivers.grbl_axis._BOOT", 0.2)
-    monkeypatch.setattr("cutenv.rig.drivers.grbl_axis.ANSWERED", 0.2)
+    monkeypatch.setattr("cutenv.rig.plugins.grbl_axis._BOOT", 0.2)
+    monkeypatch.setattr("cutenv.rig.plugins.grbl_axis.ANSWERED", 0.2)
     machine.line.mute = True
     with pytest.raises(RigError, match="no GRBL answers at"):
         axis_of(grbl_settings(machine.line.port, "")).open(Listening())

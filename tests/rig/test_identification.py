@@ -24,10 +24,10 @@ from cutenv.records.measurement import sensor_noise
 from cutenv.records.measurement.sensor_noise import longest_still, sensor_at_rest
 from cutenv.rig.config.identified import SIMULATED, environment_arguments
 from cutenv.rig.config.settings import Identified, RigSettings, SafetyLimits, SensorCalibration
-from cutenv.rig.drivers.slow_profile import grbl_settings, slow_settings
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.recorder import Stretch
 from cutenv.rig.operation.suitability import simulator_keywords, top_speed
+from cutenv.rig.plugins.slow_profile import grbl_settings, slow_settings
 from cutenv.rig.toml_file import to_toml
 from cutenv.sim.cutting.drive import Rig
 from cutenv.task.observation import COMPONENTS

@@ -24,8 +24,6 @@ from cutenv.rig.contradictions import refuse_contradictions
 from cutenv.rig.devices import DriveState, ForceSample, Mounting, RigError, SystemClock
 from cutenv.rig.devices.driver_registry import mounted
 from cutenv.rig.devices.serial.board import board_line
-from cutenv.rig.drivers.conformance import Listening
-from cutenv.rig.drivers.slow_profile import RATES, slow_settings
 from cutenv.rig.hardware import rig_plant
 from cutenv.rig.imitated.emulator import process
 from cutenv.rig.imitated.emulator.process import RunningEmulator
@@ -38,6 +36,8 @@ from cutenv.rig.imitated.emulator.serial_rig import (
 )
 from cutenv.rig.operation.suitability import decisions, fits, stopping_ways, suitability_lines
 from cutenv.rig.operation.weighing import GRAVITY, Weighing, weigh
+from cutenv.rig.plugins.conformance import Listening
+from cutenv.rig.plugins.slow_profile import RATES, slow_settings
 from cutenv.rig.safety.monitors import ForceMonitor, ForceReadings
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.toml_file import read_rig_file, template, to_toml

@@ -29,7 +29,9 @@ from cutenv.rig.devices.driver_registry import (
     traits_of,
 )
 from cutenv.rig.devices.host import SystemClock, preferred
-from cutenv.rig.drivers.conformance import (
+from cutenv.rig.errors import RigError
+from cutenv.rig.imitated.connection import operator_of, settings_of
+from cutenv.rig.plugins.conformance import (
     HEADER,
     TRIAL_TRAVEL,
     TriedPromise,
@@ -37,8 +39,6 @@ from cutenv.rig.drivers.conformance import (
     conform_motion,
     conformance_rows,
 )
-from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.connection import operator_of, settings_of
 
 SECTIONS_TRIED = ("blade", "angle", "height", "side", "sensor")
 """Sections of a rig's file whose drivers can be tried."""

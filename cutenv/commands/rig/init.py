@@ -10,9 +10,9 @@ from pathlib import Path
 from cutenv._base import resources
 from cutenv.commands.options import command_parser, reports_errors
 from cutenv.rig.config.settings import RigSettings, SensorSettings
-from cutenv.rig.drivers.bota_sensor import BotaOptions
-from cutenv.rig.drivers.robotiq_sensor import ROBOTIQ_RATE, RobotiqOptions
-from cutenv.rig.drivers.slow_profile import grbl_settings, slow_limits, slow_settings
+from cutenv.rig.plugins.bota_sensor import BotaOptions
+from cutenv.rig.plugins.robotiq_sensor import ROBOTIQ_RATE, RobotiqOptions
+from cutenv.rig.plugins.slow_profile import grbl_settings, slow_limits, slow_settings
 from cutenv.rig.toml_file import template
 
 PROFILES: dict[str, Callable[[], RigSettings]] = {

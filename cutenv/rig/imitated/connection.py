@@ -22,11 +22,11 @@ from cutenv.rig.config.settings import (
     fake_settings,
 )
 from cutenv.rig.devices.host import FakeClock, undisturbed
-from cutenv.rig.drivers.slow_profile import grbl_settings, slow_settings
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import AutomaticOperator, Operator, TerminalOperator
 from cutenv.rig.operation.preflight import SETTLE
 from cutenv.rig.plant import RigPlant
+from cutenv.rig.plugins.slow_profile import grbl_settings, slow_settings
 from cutenv.rig.safety.oversight import guarded
 from cutenv.rig.toml_file import read_rig_file
 

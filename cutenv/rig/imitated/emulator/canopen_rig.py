@@ -13,13 +13,13 @@ import numpy as np
 from cutenv._base.validation import in_range, one_of
 from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.config.settings import Axis, CrossAxis, SafetyLimits
-from cutenv.rig.drivers.analogue_sensor import AnalogueCalibration
 from cutenv.rig.imitated.emulator.emulated_axis import EmulatedAxis
 from cutenv.rig.imitated.emulator.emulated_bench import FAULTS, EmulatedBench
 from cutenv.rig.imitated.emulator.hub import Frame, Hub
 from cutenv.rig.imitated.emulator.mechanics import ARM, EmulatedTissue, Mechanics, hinge
 from cutenv.rig.imitated.emulator.node import Node
 from cutenv.rig.imitated.emulator.sensor_server import BoardServer, SensorServer
+from cutenv.rig.plugins.analogue_sensor import AnalogueCalibration
 from cutenv.sim.cutting.dtypes import LawParameters
 from cutenv.sim.cutting.sensor import SensorParameters
 from cutenv.sim.plant.simulator import ANGLE_RANGE, check_angle

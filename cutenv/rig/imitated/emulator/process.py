@@ -37,14 +37,14 @@ from cutenv.rig.config.settings import (
 )
 from cutenv.rig.config.settings import across as cross_axes
 from cutenv.rig.devices.host import prefer
-from cutenv.rig.drivers.analogue_sensor import AnalogueOptions
-from cutenv.rig.drivers.slow_profile import grbl_settings, slow_settings
 from cutenv.rig.errors import RigError
 from cutenv.rig.imitated.emulator.canopen_rig import RANGES, EmulatedRig, Options
 from cutenv.rig.imitated.emulator.control import ControlServer, EmulatorControl
 from cutenv.rig.imitated.emulator.emulated_bench import STALL, EmulatedBench
 from cutenv.rig.imitated.emulator.mechanics import position_control, turn_motor
 from cutenv.rig.imitated.emulator.serial_rig import EmulatedGrblRig, EmulatedSerialRig, SerialOptions
+from cutenv.rig.plugins.analogue_sensor import AnalogueOptions
+from cutenv.rig.plugins.slow_profile import grbl_settings, slow_settings
 from cutenv.rig.toml_file import to_toml
 from cutenv.sim.cutting.descent import DESCENDING
 from cutenv.sim.cutting.motion import STRAIGHT

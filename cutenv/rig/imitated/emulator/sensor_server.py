@@ -32,7 +32,7 @@ from cutenv.rig.devices.netft_sensor import (
     parse_request,
 )
 from cutenv.rig.devices.reading_stream import SEQUENCES
-from cutenv.rig.drivers.analogue_sensor import SCAN, AnalogueCalibration
+from cutenv.rig.plugins.analogue_sensor import SCAN, AnalogueCalibration
 
 Address: TypeAlias = tuple[str, int]
 Loads: TypeAlias = tuple[float, float, float, float, float, float]

@@ -19,7 +19,6 @@ from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.config.settings import Axis
 from cutenv.rig.devices.serial.board import BoardFlag, BoardState, LineError, MotionReport, board_line, board_report
 from cutenv.rig.devices.serial.board_drivers import StepRates
-from cutenv.rig.drivers.slow_profile import COUNTS_PER_NEWTON, DELAYS, SCREW, SCREW_STEPS
 from cutenv.rig.imitated.emulator.emulated_bench import (
     OVER_FORCE,
     Act,
@@ -40,6 +39,7 @@ from cutenv.rig.imitated.emulator.firmware import (
     Firmware,
 )
 from cutenv.rig.imitated.emulator.mechanics import EmulatedTissue
+from cutenv.rig.plugins.slow_profile import COUNTS_PER_NEWTON, DELAYS, SCREW, SCREW_STEPS
 from cutenv.sim.cutting.dtypes import TICK, LawParameters
 from cutenv.sim.cutting.sensor import SensorParameters
 from cutenv.sim.plant.simulator import check_angle

@@ -1,4 +1,4 @@
-"""Drivers beside the rig's own, and their conformance.
+"""Drivers that are plugged in, and the conformance of anybody's.
 
 The rig loads them by name alone.
 
