@@ -2,7 +2,7 @@
 
     python agents/ppo_lagrangian.py                 some ten minutes; writes runs/<name>/policy/
     python agents/ppo_lagrangian.py --timesteps 1000000 --name careful
-    python -m scripts.benchmarks.agents.safe_cut runs/careful/policy  its cost and return beside those of scripts
+    python -m scripts.benchmarks.policies.safe_cut runs/careful/policy  its cost and return beside those of scripts
 
 It is ppo.py but for the cost.  It first imitates a careful return stroke, which gives up wherever the crack
 would run beyond the target, and begins with a price lambda of the cost.  It learns from (reward - lambda cost) /

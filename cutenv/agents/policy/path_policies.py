@@ -433,7 +433,7 @@ ENDING_NUMBERS = ("margin", "retreat_speed")
 
 
 TUNED_AT: Mapping[str, Any] = {"control_hz": 10}
-"""Keywords of the environment in which ``scripts/benchmarks/agents/tune_scripts.py`` finds numbers."""
+"""Keywords of the environment in which ``scripts/benchmarks/policies/tune_scripts.py`` finds numbers."""
 
 
 def with_numbers(kind: type[PathScript], numbers: Mapping[str, float]) -> PathScript:
@@ -476,7 +476,7 @@ EXCISION_SCRIPTS: dict[str, Callable[[], ArrayPolicy]] = {
     "excision by force": partial(with_numbers, SteerByForce, EXCISION_NUMBERS),
     "excision on the line": BladeOnLine,
 }
-"""Scripts for ``cutenv/Excision-v1`` by name, tuned by ``scripts/benchmarks/agents/tune_scripts.py``."""
+"""Scripts for ``cutenv/Excision-v1`` by name, tuned by ``scripts/benchmarks/policies/tune_scripts.py``."""
 HAND_SCRIPTS: dict[str, Callable[[], ArrayPolicy]] = {
     "excision by hand and force": partial(with_numbers, SteerByForce, HAND_NUMBERS),
     "excision by hand on the line": BladeOnLine,

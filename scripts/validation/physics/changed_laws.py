@@ -11,7 +11,7 @@ from typing import Any
 
 from cutenv.agents.learning.statistics import summarise
 from scripts import ROOT
-from scripts.benchmarks.agents import task_table
+from scripts.benchmarks.policies import task_table
 from scripts.tables import kept_rows, markdown_table
 from scripts.validation.physics import crack_truth, descent, promises, steering
 
@@ -34,7 +34,7 @@ def results() -> str:
     before: dict[str, Any] = json.loads(BEFORE.read_text())["results"]
     rows = []
     for name, table in task_table.TABLES.items():
-        cuts = kept_rows(table.file, f"scripts.benchmarks.agents.task_table {name}", task_table.TEXTS)
+        cuts = kept_rows(table.file, f"scripts.benchmarks.policies.task_table {name}", task_table.TEXTS)
         values = {(row["policy"], row["score"]): row["mean"] for row in summarise(cuts)}
         error, _, shown = table.errors[0]
         for policy, old in before[name].items():

@@ -21,8 +21,8 @@ from cutenv.agents.policy import (
     RandomAction,
     feed_name,
 )
-from scripts.benchmarks.agents import baseline_table
-from scripts.benchmarks.agents.baseline_table import earlier_return, findings, grid_lines, report, table
+from scripts.benchmarks.policies import baseline_table
+from scripts.benchmarks.policies.baseline_table import earlier_return, findings, grid_lines, report, table
 
 EARLIER = {
     "progress": 1.0, "accuracy": 0.0, "success": 0.0, "uncontrolled": 0.15, "jump": 0.05, "force": 0.02, "lag": 0.03,

@@ -12,7 +12,7 @@ pytest.importorskip("stable_baselines3", reason="the learners are an extra: pip 
 from cutenv.agents.learning.seeds import TEST_SEEDS
 from cutenv.agents.policy import Features
 from cutenv.task.privileged import PRIVILEGED_FEATURES
-from scripts.benchmarks.agents import from_scratch
+from scripts.benchmarks.policies import from_scratch
 
 DECISIONS = 600
 
@@ -104,5 +104,7 @@ def test_an_agents_memory_is_empty_where_a_cut_begins():
 
 
 def test_without_a_run_there_is_no_table(tmp_path):
-    with pytest.raises(SystemExit, match=r"holds no run; run 'python -m scripts.benchmarks.agents.from_scratch' first"):
+    with pytest.raises(
+        SystemExit, match=r"holds no run; run 'python -m scripts.benchmarks.policies.from_scratch' first"
+    ):
         from_scratch.kept(tmp_path)

@@ -17,7 +17,7 @@ from cutenv.agents.learning.statistics import by_policy, mean_with_interval
 from cutenv.agents.policy import TrainedPolicy
 from cutenv.agents.sb3 import FeatureVecEnv
 from cutenv.envs.tracks import COST_BUDGET_MM, PROTOCOL
-from scripts.benchmarks.agents import safe_cut
+from scripts.benchmarks.policies import safe_cut
 from scripts.tables import keep, kept_rows
 
 SMALL = {
@@ -98,6 +98,6 @@ def test_a_policy_that_does_not_exist_is_refused_before_any_work(monkeypatch, ca
 
 def test_what_is_kept_prints_the_same_table(rows, tmp_path):
     keep(tmp_path / "rows.csv", rows)
-    assert safe_cut.report(kept_rows(tmp_path / "rows.csv", "scripts.benchmarks.agents.safe_cut")) == safe_cut.report(
+    assert safe_cut.report(kept_rows(tmp_path / "rows.csv", "scripts.benchmarks.policies.safe_cut")) == safe_cut.report(
         rows
     )

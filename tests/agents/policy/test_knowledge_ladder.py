@@ -9,7 +9,7 @@ import pytest
 
 from cutenv.agents.learning.seeds import VALIDATION_SEEDS
 from cutenv.agents.policy.path_policies import SteerByForce
-from scripts.benchmarks.agents.knowledge_ladder import LADDERS, START, KnowledgeLadder, PathRung
+from scripts.benchmarks.policies.knowledge_ladder import LADDERS, START, KnowledgeLadder, PathRung
 
 SEEDS = VALIDATION_SEEDS[:6]
 LADDER = LADDERS["path"]

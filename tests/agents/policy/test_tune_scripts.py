@@ -8,7 +8,7 @@ import pytest
 from cutenv.agents.learning.evaluation import Contestant, evaluate
 from cutenv.agents.learning.seeds import VALIDATION_SEEDS
 from cutenv.agents.policy.path_policies import EXCISION_NUMBERS, PATH_SCRIPTS, SteerByForce, with_numbers
-from scripts.benchmarks.agents import tune_scripts
+from scripts.benchmarks.policies import tune_scripts
 
 SEEDS = VALIDATION_SEEDS[:4]
 FORCE = tune_scripts.FAMILIES["steer by force"]

@@ -1,9 +1,9 @@
 """Learners from scratch on every task: no script, no demonstrations, and a critic that sees no more than the actor.
 
-    python -m scripts.benchmarks.agents.from_scratch --seeds 0            some 50 minutes of one core
-    python -m scripts.benchmarks.agents.from_scratch --tasks gentle --learners ppo --seeds 0 1
-    python -m scripts.benchmarks.agents.from_scratch --print              prints the table of all runs
-    python -m scripts.benchmarks.agents.from_scratch --picture FILE       draws their curves
+    python -m scripts.benchmarks.policies.from_scratch --seeds 0            some 50 minutes of one core
+    python -m scripts.benchmarks.policies.from_scratch --tasks gentle --learners ppo --seeds 0 1
+    python -m scripts.benchmarks.policies.from_scratch --print              prints the table of all runs
+    python -m scripts.benchmarks.policies.from_scratch --picture FILE       draws their curves
 
 The runs are in assets/benchmark/from-scratch, one file each.  One that is there is not made again: stop the script
 whenever you like, and go on later, also on another machine.  What counts is the last policy of a training: none is
@@ -258,7 +258,7 @@ def kept(folder: Path) -> dict[Run, list[dict[str, float]]]:
         rows = [{name: float(value) for name, value in row.items()} for row in rows_of(path)]
         runs[Run(task, learner, shown, int(seed))] = rows
     if not runs:
-        raise SystemExit(f"{folder} holds no run; run 'python -m scripts.benchmarks.agents.from_scratch' first.")
+        raise SystemExit(f"{folder} holds no run; run 'python -m scripts.benchmarks.policies.from_scratch' first.")
     return runs
 
 

@@ -1,7 +1,7 @@
 """Ladder of information: what the same script earns with the mean tissue, with what it infers, and with the truth.
 
-    python -m scripts.benchmarks.agents.ladder                  1000 held-out specimens, some five minutes on 2 cores
-    python -m scripts.benchmarks.agents.ladder --specimen-class liver
+    python -m scripts.benchmarks.policies.ladder                  1000 held-out specimens, some five minutes on 2 cores
+    python -m scripts.benchmarks.policies.ladder --specimen-class liver
                                                                 without tough inclusions; writes runs/ladder/liver.csv
 
 Every rung is the script "return stroke" with other knowledge, but for probe and creep and the planner that knows the
@@ -177,7 +177,7 @@ def main() -> None:
     if not arguments.print:
         rows = measure(arguments.specimens, arguments.processes, kind)
         keep(file, rows)
-    print(report(kept_rows(file, "scripts.benchmarks.agents.ladder"), kind), flush=True)
+    print(report(kept_rows(file, "scripts.benchmarks.policies.ladder"), kind), flush=True)
 
 
 if __name__ == "__main__":

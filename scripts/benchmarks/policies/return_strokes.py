@@ -1,6 +1,6 @@
 """Count the return strokes of policies, by which the force tells where the tip is.
 
-    python -m scripts.benchmarks.agents.return_strokes "return stroke" ppo-free runs/NAME/policy
+    python -m scripts.benchmarks.policies.return_strokes "return stroke" ppo-free runs/NAME/policy
         writes runs/strokes/strokes.csv
 
 A return stroke draws the blade back by a millimetre or more, and goes forward again by as much.  The last drawing back,
@@ -77,7 +77,7 @@ def main() -> None:
         if not arguments.policies:
             parser.error("name a policy, such as 'return stroke', or give --print")
         keep(FILE, measure(arguments.policies, arguments.specimens))
-    print(report(kept_rows(FILE, "scripts.benchmarks.agents.return_strokes POLICY ...")), flush=True)
+    print(report(kept_rows(FILE, "scripts.benchmarks.policies.return_strokes POLICY ...")), flush=True)
 
 
 if __name__ == "__main__":

@@ -1,10 +1,10 @@
 """Ladder of knowledge of a task that adds to gentle cutting: what one script earns with more and more of the truth.
 
-    python -m scripts.benchmarks.agents.knowledge_ladder depth  500 held-out specimens; writes runs/depth/ladder.csv
+    python -m scripts.benchmarks.policies.knowledge_ladder depth  500 held-out specimens; writes runs/depth/ladder.csv
 
 Every rung for DepthCut-v1 is the script "follow the depth" with other knowledge.  The steps between the rungs say what
-of the gap to the planner with truth, which is in the table of ``scripts/benchmarks/agents/task_table.py depth``, is the
-tip, the surface, the place of the stop, and the tissue ahead.
+of the gap to the planner with truth, which is in the table of ``scripts/benchmarks/policies/task_table.py depth``, is
+the tip, the surface, the place of the stop, and the tissue ahead.
 
 The first rungs for PathCut-v1 are the script "steer by force", told one thing, or several.  The last three steer by the
 planner's rule at the script's speed, with the true state but for what their names say: so they say whether knowledge or
@@ -42,7 +42,7 @@ from cutenv.agents.policy.path_policies import (
 from cutenv.agents.policy.third_axis_planners import wanted_bend
 from cutenv.envs.vector import CutBatch
 from cutenv.sim.tissue.grid import N_POINTS, POINTS_PER_METRE
-from scripts.benchmarks.agents.ladder import TrueTip, rows_of_rung
+from scripts.benchmarks.policies.ladder import TrueTip, rows_of_rung
 from scripts.tables import keep, kept_rows, mean_text
 
 START = "as the script has it"
@@ -94,7 +94,7 @@ class KnowledgeLadder:
 
     def kept_report(self) -> str:
         """Return the table of the last measurement; SystemExit if there is none."""
-        return self.report(kept_rows(self.file, f"scripts.benchmarks.agents.knowledge_ladder {self.task}"))
+        return self.report(kept_rows(self.file, f"scripts.benchmarks.policies.knowledge_ladder {self.task}"))
 
 
 class DepthRung(FollowDepth):

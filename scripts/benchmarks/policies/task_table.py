@@ -1,15 +1,15 @@
 """Table of a task: scripts, planner with truth and agents on the same held-out specimens.
 
-    python -m scripts.benchmarks.agents.task_table depth         500 specimens; writes runs/depth/depth.csv
-    python -m scripts.benchmarks.agents.task_table path --agents runs/NAME/policy ...
+    python -m scripts.benchmarks.policies.task_table depth         500 specimens; writes runs/depth/depth.csv
+    python -m scripts.benchmarks.policies.task_table path --agents runs/NAME/policy ...
                                                                  2000 specimens; writes runs/path/agents.csv
-    python -m scripts.benchmarks.agents.task_table path --agents --print
+    python -m scripts.benchmarks.policies.task_table path --agents --print
                                                                  the table of what is in there
-    python -m scripts.benchmarks.agents.task_table path --from-nothing runs/NAME/policy ...
+    python -m scripts.benchmarks.policies.task_table path --from-nothing runs/NAME/policy ...
                                                                  1000; writes runs/path/from-nothing.csv
-    python -m scripts.benchmarks.agents.task_table depth --picture FILE
+    python -m scripts.benchmarks.policies.task_table depth --picture FILE
                                                                  two cuts, as a PNG: floor, wanted depth and layer below
-    python -m scripts.benchmarks.agents.task_table path --picture FILE
+    python -m scripts.benchmarks.policies.task_table path --picture FILE
                                                                  line, way of the blade and cut from above
 
 An agent is one training run, compared with every script by paired differences: the folders of several seeds show how
@@ -169,7 +169,8 @@ class TaskTable:
     def from_nothing_row(self) -> str:
         """Return a row of Markdown of the runs from nothing: their means, and the least of their leads."""
         rows = kept_rows(
-            self.from_nothing_file, f"scripts.benchmarks.agents.task_table {self.task} --from-nothing runs/NAME/policy"
+            self.from_nothing_file,
+            f"scripts.benchmarks.policies.task_table {self.task} --from-nothing runs/NAME/policy",
         )
         each, scripts = by_policy(rows), TASKS[self.task].scripts
         runs = [name for name in each if name not in scripts]
@@ -189,9 +190,9 @@ class TaskTable:
     def short_report(self) -> str:
         """Return the planner, the training runs together, and the best script, as a Markdown table of what is kept."""
         agents = kept_rows(
-            self.agents_file, f"scripts.benchmarks.agents.task_table {self.task} --agents runs/NAME/policy"
+            self.agents_file, f"scripts.benchmarks.policies.task_table {self.task} --agents runs/NAME/policy"
         )
-        of_planner = kept_rows(self.file, f"scripts.benchmarks.agents.task_table {self.task}", TEXTS)
+        of_planner = kept_rows(self.file, f"scripts.benchmarks.policies.task_table {self.task}", TEXTS)
         scripts, (error, heading, shown) = TASKS[self.task].scripts, self.errors[0]
         runs = {row["policy"] for row in agents} - set(scripts)
         several = {
@@ -207,12 +208,12 @@ class TaskTable:
 
     def kept_report(self) -> str:
         """Return the table of the last measurement; SystemExit if there is none."""
-        return self.report(kept_rows(self.file, f"scripts.benchmarks.agents.task_table {self.task}", TEXTS))
+        return self.report(kept_rows(self.file, f"scripts.benchmarks.policies.task_table {self.task}", TEXTS))
 
     def kept_agents_report(self) -> str:
         """Return the table of the last measurement of agents; SystemExit if there is none."""
         return self.agents_report(
-            kept_rows(self.agents_file, f"scripts.benchmarks.agents.task_table {self.task} --agents runs/NAME/policy")
+            kept_rows(self.agents_file, f"scripts.benchmarks.policies.task_table {self.task} --agents runs/NAME/policy")
         )
 
 

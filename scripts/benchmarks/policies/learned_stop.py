@@ -1,6 +1,6 @@
 """Look-ahead over sampled tissues: what the best place to stop is worth that the force so far can tell.
 
-    python -m scripts.benchmarks.agents.learned_stop  5000 training and 4000 held-out specimens, some five minutes
+    python -m scripts.benchmarks.policies.learned_stop  5000 training and 4000 held-out specimens, some five minutes
 
 What a stop earns depends on the tissue ahead, which nobody sees.  But over thousands of tissues drawn like the one at
 hand, the agent's features tell what stopping here and what going on earn on average: optimal stopping by regression
@@ -30,7 +30,7 @@ from cutenv.agents.policy.scripted import coasting
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.envs.vector import CutBatch
 from cutenv.task.observation import COMPONENTS
-from scripts.benchmarks.agents import ladder
+from scripts.benchmarks.policies import ladder
 from scripts.tables import interval_text, keep, kept_rows, markdown_table, mean_text
 
 FILE = "learned_stop.csv"
@@ -243,7 +243,7 @@ def main() -> None:
         torch.set_num_threads(1)
         rows = measure(arguments.specimens, arguments.held_out)
         keep(arguments.out / FILE, rows)
-    print(report(kept_rows(arguments.out / FILE, "scripts.benchmarks.agents.learned_stop")), flush=True)
+    print(report(kept_rows(arguments.out / FILE, "scripts.benchmarks.policies.learned_stop")), flush=True)
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
 """Learners of other libraries with their defaults, on the 12 raw numbers of the observation at 10 decisions a second.
 
-    python -m scripts.benchmarks.agents.stock_learners          PPO, SAC and TQC, three seeds each: some hours
-    python -m scripts.benchmarks.agents.stock_learners --learners PPO --seeds 0
+    python -m scripts.benchmarks.policies.stock_learners          PPO, SAC and TQC, three seeds each: some hours
+    python -m scripts.benchmarks.policies.stock_learners --learners PPO --seeds 0
                                                                 one run, some 20 minutes on one core
-    python -m scripts.benchmarks.agents.stock_learners --print  prints what is in runs/stock/
+    python -m scripts.benchmarks.policies.stock_learners --print  prints what is in runs/stock/
 
 Nothing is tuned: ``PPO("MlpPolicy", env)`` of Stable-Baselines3, and SAC and TQC (sb3-contrib) likewise.  Thirty times
 in a training the most likely action cuts 200 validation specimens.  A run that was finished is not made again; stop the
@@ -135,7 +135,7 @@ def kept(folder: Path) -> tuple[dict[str, list[dict[str, float]]], float]:
         for path in sorted(folder.glob("*.csv"))
     }
     if not runs or not (folder / MARK_FILE).is_file():
-        raise SystemExit(f"{folder} holds no run; run 'python -m scripts.benchmarks.agents.stock_learners' first.")
+        raise SystemExit(f"{folder} holds no run; run 'python -m scripts.benchmarks.policies.stock_learners' first.")
     return runs, float((folder / MARK_FILE).read_text())
 
 

@@ -1,9 +1,9 @@
 """Policies on a slow rig, beside the same on the rig of the tasks: can a cheap rig be used.
 
-    python -m scripts.benchmarks.agents.slow_rig_agents --train
+    python -m scripts.benchmarks.policies.slow_rig_agents --train
                                                          trains three policies for it, 5 minutes each, and compares
-    python -m scripts.benchmarks.agents.slow_rig_agents  compares with the policies trained before
-    python -m scripts.benchmarks.agents.slow_rig_agents --on-rig 6
+    python -m scripts.benchmarks.policies.slow_rig_agents  compares with the policies trained before
+    python -m scripts.benchmarks.policies.slow_rig_agents --on-rig 6
                                                          cuts some specimens on the emulated serial rig too
 
 The slow rig is that of ``cutenv rig init --profile serial`` with an HX711: force at 80 readings a second, 10 decisions
@@ -256,7 +256,7 @@ def main() -> None:
         if arguments.on_rig:
             found["check"] = check(arguments.on_rig, found["decisions"])
         keep_json(DEFAULT, found)
-    print(markdown(kept_json(DEFAULT, "scripts.benchmarks.agents.slow_rig_agents --train")), flush=True)
+    print(markdown(kept_json(DEFAULT, "scripts.benchmarks.policies.slow_rig_agents --train")), flush=True)
 
 
 if __name__ == "__main__":

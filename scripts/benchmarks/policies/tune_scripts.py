@@ -1,7 +1,7 @@
 """Tune the scripts of a task by an evolution strategy, as fairly as an agent is trained.
 
-    python -m scripts.benchmarks.agents.tune_scripts excision       every script, 200 generations; writes runs/excision
-    python -m scripts.benchmarks.agents.tune_scripts hand-excision  those with a hand that yields
+    python -m scripts.benchmarks.policies.tune_scripts excision      every script, 200 generations; writes runs/excision
+    python -m scripts.benchmarks.policies.tune_scripts hand-excision those with a hand that yields
 
 Every number of a script, and of the script along the cut under it, is searched for at once.  A generation draws so many
 variants about a mean, lets all cut the same training specimens, which no other generation cuts, and moves the mean
@@ -185,7 +185,7 @@ def file_of(task: str) -> Path:
 
 def kept_report(task: str) -> str:
     """Return the table of what was found for a task; SystemExit if there is none."""
-    return report(kept_json(file_of(task), f"scripts.benchmarks.agents.tune_scripts {task}"))
+    return report(kept_json(file_of(task), f"scripts.benchmarks.policies.tune_scripts {task}"))
 
 
 def main() -> None:
@@ -202,7 +202,7 @@ def main() -> None:
         print(kept_report(arguments.task))
         return
     path = file_of(arguments.task)
-    found = kept_json(path, "scripts.benchmarks.agents.tune_scripts") if path.is_file() else {}
+    found = kept_json(path, "scripts.benchmarks.policies.tune_scripts") if path.is_file() else {}
     for name in arguments.script or FAMILIES:
         tuning = Tuning(arguments.task, FAMILIES[name], arguments.seed)
         found[name] = tuning.run(arguments.generations, lambda line, name=name: print(f"{name}, {line}", flush=True))

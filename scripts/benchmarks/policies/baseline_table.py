@@ -1,6 +1,6 @@
 """Baseline table: every baseline on 500 specimens of each class, with the present and the earlier reward of v1.
 
-    python -m scripts.benchmarks.agents.baseline_table          a quarter of an hour on 2 cores; writes runs/baselines/
+    python -m scripts.benchmarks.policies.baseline_table         a quarter of an hour on 2 cores; writes runs/baselines/
 
 It shows how much there is to learn: the gap between the best script and the planner that knows the truth.
 
@@ -142,7 +142,7 @@ def kept(folder: Path, specimen_class: str) -> list[dict[str, Any]]:
     """Return the rows of an earlier measurement; SystemExit if there is none."""
     return kept_rows(
         folder / f"{specimen_class}.csv",
-        "scripts.benchmarks.agents.baseline_table",
+        "scripts.benchmarks.policies.baseline_table",
         ("policy", "specimen_class", "end"),
     )
 

@@ -1,7 +1,7 @@
 """Print the cost of policies on cutenv/SafeCut-v1, and their differences from a policy on the same specimens.
 
-    python -m scripts.benchmarks.agents.safe_cut  probe and creep: two thirds of its cost are the budget
-    python -m scripts.benchmarks.agents.safe_cut runs/ppo/policy runs/careful/policy "return stroke"
+    python -m scripts.benchmarks.policies.safe_cut  probe and creep: two thirds of its cost are the budget
+    python -m scripts.benchmarks.policies.safe_cut runs/ppo/policy runs/careful/policy "return stroke"
 
 Differences are from the first policy named, which is ``probe and creep`` without any, paired by specimen.
 """
@@ -67,7 +67,7 @@ def main() -> None:
         except ValueError as error:
             parser.error(str(error))
         keep(arguments.out / FILE, rows)
-    print(report(kept_rows(arguments.out / FILE, "scripts.benchmarks.agents.safe_cut")), flush=True)
+    print(report(kept_rows(arguments.out / FILE, "scripts.benchmarks.policies.safe_cut")), flush=True)
 
 
 if __name__ == "__main__":
