@@ -52,10 +52,14 @@ def main(argv: Sequence[str]) -> int:
     with ThreadPoolExecutor(os.cpu_count()) as pool, progress_bar("compiling", "part", total=len(names)) as count:
         waiting = {pool.submit(_compiled_apart, name): name for name in names}
         errors = []
-        for done in as_completed(waiting):
-            count(1)
-            if (error := done.result()) is not None:
-                errors.append(f"cutenv warm: {waiting[done]}: {error}")
+        try:
+            for done in as_completed(waiting):
+                count(1)
+                if (error := done.result()) is not None:
+                    errors.append(f"cutenv warm: {waiting[done]}: {error}")
+        except BaseException:  # a terminal's Ctrl-C ends the parts under way, and the next ones would begin
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
     print("\n".join(errors), file=sys.stderr, end="\n" * bool(errors))
     if not errors:
         print(f"{', '.join(names)}: ready after {time.monotonic() - begun:.0f} s; kept in {folder.parent}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -35,6 +36,22 @@ def test_a_part_that_fails_is_named_with_its_error(
     monkeypatch.setattr(warm.subprocess, "run", lambda *command, **options: failed)
     assert cli.main(["warm", "--task", "gentle"]) == 1
     assert "cutenv warm: gentle: MemoryError: no memory" in capsys.readouterr().err
+
+
+def test_after_ctrl_c_no_further_part_begins(monkeypatch: pytest.MonkeyPatch) -> None:
+    ran: list[str] = []
+
+    def run(command: list[str], **options: object) -> subprocess.CompletedProcess[str]:
+        ran.append(command[-1])
+        if len(ran) == 1:
+            raise KeyboardInterrupt
+        time.sleep(0.5)
+        return subprocess.CompletedProcess(command, 0, "", "")
+
+    monkeypatch.setattr(warm.subprocess, "run", run)
+    monkeypatch.setattr(warm.os, "cpu_count", lambda: 1)
+    assert cli.main(["warm"]) == 130
+    assert len(ran) <= 2 < len(warm.parts())  # one may have begun in the meantime
 
 
 def test_where_nothing_can_be_kept_nothing_is_compiled(
