@@ -522,11 +522,27 @@ def made_folder(option: str, folder: Path) -> Path:
     OSError
         If it cannot be made, or nothing can be written there.
     """
-    if folder.exists() and not folder.is_dir():
-        raise ValueError(f"{option} {folder} is a file; give a folder.")
+    check_beginning(option, folder)
     folder.mkdir(parents=True, exist_ok=True)
     check_writable(option, folder)
     return folder
+
+
+def check_beginning(option: str, folder: Path) -> None:
+    """Raise unless a folder could be made here; make none.
+
+    Raises
+    ------
+    ValueError
+        If a file has its name, or that of a folder above it.
+    OSError
+        If nothing can be written in the nearest folder that exists.
+    """
+    there = next(each for each in (folder.absolute(), *folder.absolute().parents) if each.exists())
+    if not there.is_dir():
+        shown = folder if there == folder.absolute() else there
+        raise ValueError(f"{option} {shown} is a file; give a folder.")
+    check_writable(option, folder if there == folder.absolute() else there)
 
 
 def made_place(option: str, file: Path) -> Path:

@@ -11,13 +11,13 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cutenv._base.output import check_writable
 from cutenv.commands.options import (
     add_lsl,
     add_specimen_class,
     add_target_length,
     add_task,
     add_tissue,
+    check_beginning,
     check_line,
     command_parser,
     drawn_given,
@@ -69,8 +69,7 @@ def main(argv: Sequence[str]) -> int:
     drawn_given(arguments)  # refuses a file that is no tissue
     if arguments.picture is not None:
         made_place("--picture", arguments.picture)
-    place = arguments.out.absolute()  # made when everything else is known to be right
-    check_writable("--out", next(each for each in (place, *place.parents) if each.is_dir()))
+    check_beginning("--out", arguments.out)  # made when everything else is known to be right
     agent = _agent_of(arguments)
     axes = None if arguments.axes is None else HandleAxes.parse(arguments.axes)
     open_display()  # before what takes half a minute where it has to be compiled

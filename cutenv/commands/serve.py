@@ -19,6 +19,7 @@ from cutenv.commands.options import (
     command_parser,
     drawn_given,
     made_folder,
+    made_place,
     note_missing,
     reports_errors,
 )
@@ -55,6 +56,8 @@ def main(argv: Sequence[str]) -> int:
 
 def _serve(arguments: argparse.Namespace, argv: Sequence[str], port: int, course: Course | None) -> int:
     made_folder("FOLDER", arguments.folder)
+    if arguments.backup is not None:
+        made_place("--backup", arguments.backup)
     if arguments.shortcut:
         from cutenv.people.classroom.desktop_shortcut import write_shortcut
 

@@ -35,7 +35,20 @@ COMMANDS = {
     "play": (["play"], "cutenv.commands.play:_agent_of"),
     "single-page": (["single-page", "LOCKED/p.html"], "cutenv.commands.single_page:write_page_alone"),
     "serve": (["serve", "LOCKED"], "cutenv.people.classroom.class_store:ClassStore"),
+    "serve, backup": (
+        ["serve", "FREE/class", "--backup", "LOCKED/b.zip"],
+        "cutenv.people.classroom.class_store:ClassStore",
+    ),
     "rig run": (["rig", "run", "--policy", "coast", "--rig", "fake"], "cutenv.commands.rig.run:chosen_policy"),
+    "rig run, lines": (
+        ["rig", "run", "--policy", "coast", "--rig", "fake", "--out", "FREE/cuts", "--json", "LOCKED/x.json"],
+        "cutenv.commands.rig.run:chosen_policy",
+    ),
+    "rig emulate": (
+        ["rig", "emulate", "--write", "LOCKED/e.toml"],
+        "cutenv.rig.imitated.emulator.process:serve",
+    ),
+    "rig init": (["rig", "init", "LOCKED/new/r.toml"], "cutenv.commands.rig.init:template"),
     "rig evaluate": (
         ["rig", "evaluate", "--policy", "coast", "--rig", "fake", "--out", "LOCKED/new"],
         "cutenv.agents.sim_to_real.paired_experiment:paired_experiment",
@@ -68,6 +81,7 @@ def test_it_is_found_before_the_work(name, locked, tmp_path, monkeypatch, capsys
     assert cli.main(given) == 2
     told = capsys.readouterr().err.strip().splitlines()[-1]
     assert told.startswith(f"cutenv {name.partition(',')[0]}: ")
+    assert "[Errno" not in told or name == "train", "a number in place of the option and the cure"
     assert str(locked) in told or " .: " in told or "Permission denied" in told or "No such file" in told
 
 
@@ -83,3 +97,16 @@ def test_the_message_names_the_option_the_place_and_the_cure(locked):
 def test_nothing_is_left_where_it_was_tried(tmp_path):
     check_writable("--out", tmp_path)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("out", ["file", "file/below"])
+def test_a_file_in_a_folders_place_is_found_too(out, tmp_path, monkeypatch, capsys):
+    (tmp_path / "file").touch()
+    for command, work in (
+        (["play"], "cutenv.commands.play._agent_of"),
+        (["rig", "run", "--policy", "coast", "--rig", "fake"], "cutenv.commands.rig.run.chosen_policy"),
+    ):
+        importlib.import_module(work.rpartition(".")[0])
+        monkeypatch.setattr(work, never)
+        assert cli.main([*command, "--out", str(tmp_path / out)]) == 2
+        assert f"--out {tmp_path / 'file'} is a file; give a folder." in capsys.readouterr().err

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cutenv.commands.options import add_specimen_class, command_parser, reports_errors
+from cutenv.commands.options import add_specimen_class, command_parser, made_place, reports_errors
 from cutenv.rig.config.settings import Axis
 
 if TYPE_CHECKING:
@@ -66,6 +66,8 @@ def main(argv: Sequence[str]) -> int:
             known += ["axis=blade"] if fault.of_axis else []
             print(f"{name:<16} {fault.summary}" + (f" ({', '.join(known)})" if known else ""))
         return 0
+    if arguments.write is not None:
+        made_place("--write", arguments.write)
     from cutenv.rig.imitated.emulator.process import serve
 
     parent = os.getppid() if arguments.with_parent == 0 else arguments.with_parent

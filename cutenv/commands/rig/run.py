@@ -30,6 +30,7 @@ from cutenv.commands.options import (
     command_parser,
     line_given,
     made_folder,
+    made_place,
     target_length,
 )
 from cutenv.commands.rig import AFTER_CTRL_C, by_signal, reports_rig_errors
@@ -220,6 +221,8 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.lsl and arguments.rig == "fake":
         raise ValueError("--lsl streams in real time, which a fake rig has none of. Give --rig emulator, or a file.")
     made_folder("--out", arguments.out)
+    if arguments.json is not None:
+        made_place("--json", arguments.json)
     policy, keywords = chosen_policy(arguments.policy, arguments.task)
     env = _environment(arguments, keywords, records=arguments.out)
     outlet = None
