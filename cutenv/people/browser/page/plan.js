@@ -58,7 +58,18 @@ class Plan {
     if (!truth) return;
     const [[x, y]] = this.pixels([path.tip]);
     drawing.areas([[[x, y - 6], [x + 6, y], [x, y + 6], [x - 6, y]]], colour.tip, colour.edge);
-    drawing.words(words.tip, x - 6, y + 18, { colour: colour.ink, align: "right" });
+    this.named = [words.tip, x - 6, y + 18];
+    this.nameTip();
+  }
+
+  // Write the tip's name, again after what is drawn over it.
+  nameTip() {
+    const { drawing } = this, { pen, colour } = drawing, [text, x, y] = this.named;
+    pen.textAlign = "right";
+    pen.strokeStyle = drawing.shades[0];
+    pen.lineWidth = 4;
+    pen.strokeText(text, x, y);
+    drawing.words(text, x, y, { colour: colour.ink, align: "right" });
   }
 
   // Where the cut is to end, across the line.

@@ -88,6 +88,7 @@ class ExpertWay {
     drawing.strokes([places.slice(0, k + 1)], colour, 2.2);
     const [x, y] = places[k];
     drawing.strokes([[[x, y - 6], [x + 6, y], [x, y + 6], [x - 6, y], [x, y - 6]]], colour, 2);
+    if (showTip) drawing.plan.nameTip();
   }
 }
 
