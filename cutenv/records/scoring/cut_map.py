@@ -142,10 +142,11 @@ class DepthMap(CutMap):
         mean, opened = self.mean_error(target_length), self.deepest_opened
         if mean > DEPTH_TOLERANCE:
             yield (
-                f"the depth is {1e3 * mean:.1f} mm off the wanted one in the mean, more than {1e3 * DEPTH_TOLERANCE:g}"
+                f"the depth is {1e3 * mean:.1f} mm off the wanted one in the mean, "
+                f"more than {1e3 * DEPTH_TOLERANCE:g} mm"
             )
         if opened > LAYER_TOLERANCE:
-            yield f"the layer below is opened by {1e3 * opened:.1f} mm, more than {1e3 * LAYER_TOLERANCE:g}"
+            yield f"the layer below is opened by {1e3 * opened:.1f} mm, more than {1e3 * LAYER_TOLERANCE:g} mm"
 
     @property
     def _wanted(self) -> Array:
@@ -205,6 +206,6 @@ class PathMap(CutMap):
     def _shortcomings(self, target_length: float) -> Iterator[str]:
         mean, farthest = self.mean_distance(target_length), self.farthest
         if mean > LINE_TOLERANCE:
-            yield f"the cut is {1e3 * mean:.1f} mm off the line in the mean, more than {1e3 * LINE_TOLERANCE:g}"
+            yield f"the cut is {1e3 * mean:.1f} mm off the line in the mean, more than {1e3 * LINE_TOLERANCE:g} mm"
         if farthest > FARTHEST_TOLERANCE:
-            yield f"the cut is up to {1e3 * farthest:.1f} mm off the line, more than {1e3 * FARTHEST_TOLERANCE:g}"
+            yield f"the cut is up to {1e3 * farthest:.1f} mm off the line, more than {1e3 * FARTHEST_TOLERANCE:g} mm"

@@ -95,7 +95,7 @@ def test_a_layer_opened_beyond_the_limit_is_charged_as_an_end_for_safety(depth_c
     nearer = score(
         without(trace, LAYER_DEPTH_KEY, **{WANTED_DEPTH_KEY: as_wanted}), layer_depth=float(floor.max()) - 0.001
     )
-    assert "opened by 1.0 mm, more than 0.5" in nearer.outcome or "short of the target" in nearer.outcome
+    assert "opened by 1.0 mm, more than 0.5 mm" in nearer.outcome or "short of the target" in nearer.outcome
     assert nearer.points[0].points > 0.0
 
 
