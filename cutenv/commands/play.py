@@ -68,6 +68,8 @@ def main(argv: Sequence[str]) -> int:
         check_line(arguments.line, [arguments.task])
     drawn_given(arguments)  # refuses a file that is no tissue
     if arguments.picture is not None:
+        if arguments.picture.suffix.lower() != ".png":
+            raise ValueError(f"--picture {arguments.picture} is no PNG. Give a name that ends in .png.")
         made_place("--picture", arguments.picture)
     check_beginning("--out", arguments.out)  # made when everything else is known to be right
     agent = _agent_of(arguments)

@@ -48,7 +48,8 @@ def record_run(arguments: LearnerArguments, run: Path, agent: str) -> dict[str, 
         run.mkdir(parents=True, exist_ok=True)
         check_writable("folder", run)
     except OSError as error:
-        raise BadArguments(str(error)) from None
+        made = f"{run} cannot be made ({(error.strerror or '').lower()}). Start in a folder of your own."
+        raise BadArguments(made if error.strerror else str(error)) from None
     content = {
         "agent": agent,
         "arguments": dataclasses.asdict(arguments),
