@@ -9,8 +9,7 @@ from typing import NamedTuple
 from cutenv.people.classroom.class_tables import SAVED
 from cutenv.people.classroom.lesson import Lesson
 from cutenv.people.classroom.lti_members import CourseMember, course_members
-from cutenv.people.classroom.lti_platforms import Platform
-from cutenv.people.classroom.lti_requests import PlatformRefused
+from cutenv.people.classroom.lti_platforms import Platform, PlatformRefused
 from cutenv.people.classroom.lti_tool import LtiTool
 from cutenv.people.play.course import WARM_UP
 

@@ -14,8 +14,14 @@ from sqlalchemy.exc import SQLAlchemyError
 from cutenv.people.classroom.class_tables import SAVED
 from cutenv.people.classroom.lesson import Lesson
 from cutenv.people.classroom.lti_people import GradeRow, LtiPeople
-from cutenv.people.classroom.lti_platforms import Platform, PlatformFile, checked_address
-from cutenv.people.classroom.lti_requests import PlatformRefused, PlatformUnreachable, asked
+from cutenv.people.classroom.lti_platforms import (
+    Platform,
+    PlatformFile,
+    PlatformRefused,
+    PlatformUnreachable,
+    asked,
+    checked_address,
+)
 from cutenv.people.classroom.lti_tokens import AccessTokens
 from cutenv.people.play.course_progress import GIVEN_UP
 

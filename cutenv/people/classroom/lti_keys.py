@@ -22,8 +22,7 @@ from joserfc import jws, jwt
 from joserfc.errors import JoseError
 from joserfc.jwk import RSAKey
 
-from cutenv.people.classroom.lti_platforms import Platform
-from cutenv.people.classroom.lti_requests import PlatformUnreachable, asked_for_json
+from cutenv.people.classroom.lti_platforms import Platform, PlatformUnreachable, asked_for_json
 
 KEY_FILE = "lti_key.pem"
 """Name of the file of the class's private key, in its folder."""

@@ -12,8 +12,15 @@ from email.message import Message
 from typing import Any, NamedTuple
 from urllib.parse import parse_qsl, urlencode, urljoin, urlsplit
 
-from cutenv.people.classroom.lti_platforms import Platform, checked_address
-from cutenv.people.classroom.lti_requests import PlatformRefused, PlatformUnreachable, asked, json_object, without_query
+from cutenv.people.classroom.lti_platforms import (
+    Platform,
+    PlatformRefused,
+    PlatformUnreachable,
+    asked,
+    checked_address,
+    json_object,
+    without_query,
+)
 from cutenv.people.classroom.lti_tokens import AccessTokens
 
 MEMBERS_SCOPE = "https://purl.imsglobal.org/spec/lti-nrps/scope/contextmembership.readonly"

@@ -22,9 +22,8 @@ from cutenv.people.classroom.host_names import is_loopback
 from cutenv.people.classroom.lti_keys import BadToken
 from cutenv.people.classroom.lti_launch import Launch, RefusedLaunch
 from cutenv.people.classroom.lti_people import Learner
-from cutenv.people.classroom.lti_platforms import Platform, platform_of
+from cutenv.people.classroom.lti_platforms import Platform, PlatformUnreachable, platform_of
 from cutenv.people.classroom.lti_registration import RefusedRegistration, RegistrationDesk
-from cutenv.people.classroom.lti_requests import PlatformUnreachable
 from cutenv.people.classroom.lti_tool import LtiTool
 from cutenv.people.play.course_words import course_name
 

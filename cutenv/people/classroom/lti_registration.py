@@ -19,8 +19,7 @@ from cutenv.people.classroom.lti_grades import SCORE_SCOPE
 from cutenv.people.classroom.lti_keys import BadToken
 from cutenv.people.classroom.lti_launch import DEEP_LINKING
 from cutenv.people.classroom.lti_members import MEMBERS_SCOPE
-from cutenv.people.classroom.lti_platforms import Platform, checked_address, platform_of
-from cutenv.people.classroom.lti_requests import asked_for_json
+from cutenv.people.classroom.lti_platforms import Platform, asked_for_json, checked_address, platform_of
 
 if TYPE_CHECKING:
     from cutenv.people.classroom.lti_tool import LtiTool

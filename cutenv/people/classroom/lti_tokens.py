@@ -8,8 +8,7 @@ from datetime import datetime
 from urllib.parse import urlencode
 
 from cutenv.people.classroom.lti_keys import ToolKey
-from cutenv.people.classroom.lti_platforms import Platform
-from cutenv.people.classroom.lti_requests import PlatformUnreachable, asked_for_json
+from cutenv.people.classroom.lti_platforms import Platform, PlatformUnreachable, asked_for_json
 
 _ASSERTED, _EARLY = 120, 30.0  # [s] for which a statement to the platform holds; by which a token is renewed early
 _ASSERTION_TYPE = "urn:ietf:params:oauth:client-assertion-type:jwt-bearer"

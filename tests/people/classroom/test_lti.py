@@ -735,7 +735,7 @@ def test_a_grade_that_is_refused_holds_up_no_other_and_the_teacher_may_send_it_a
 
 
 def test_no_cut_waits_for_a_platform_that_never_answers(room: LtiRoom, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cutenv.people.classroom.lti_requests._WITHIN", 60.0)  # a busy machine takes its time for a cut
+    monkeypatch.setattr("cutenv.people.classroom.lti_platforms._WITHIN", 60.0)  # a busy machine is slow to cut
     client, code = learner(room)
     saved(room, code, 70.0)
     hangs = threading.Event()
@@ -772,7 +772,7 @@ def test_the_thread_sends_by_itself_and_says_once_what_is_wrong(
 
 
 def test_an_answer_without_end_is_left(room: LtiRoom, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cutenv.people.classroom.lti_requests._LARGEST", 10)
+    monkeypatch.setattr("cutenv.people.classroom.lti_platforms._LARGEST", 10)
     assert "answers with more than" in said(launched(room, room.client()))
 
 

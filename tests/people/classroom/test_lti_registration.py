@@ -192,7 +192,7 @@ def test_redirects_errors_and_silence_end_a_registration(room: LtiRoom, monkeypa
         room.platform.answers = list(planned)
         answer = registered(room)
         assert (answer.status_code, f"answers {planned[-1]}" in said(answer)) == (502, True)
-    monkeypatch.setattr("cutenv.people.classroom.lti_requests._WITHIN", 0.3)
+    monkeypatch.setattr("cutenv.people.classroom.lti_platforms._WITHIN", 0.3)
     hangs = threading.Event()
     room.platform.answers = [hangs]
     answer = registered(room)
