@@ -13,6 +13,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from cutenv.people.classroom.class_tables import SAVED
 from cutenv.people.classroom.lesson import Lesson
+from cutenv.people.classroom.lti_keys import AccessTokens
 from cutenv.people.classroom.lti_people import GradeRow, LtiPeople
 from cutenv.people.classroom.lti_platforms import (
     Platform,
@@ -22,7 +23,6 @@ from cutenv.people.classroom.lti_platforms import (
     asked,
     checked_address,
 )
-from cutenv.people.classroom.lti_tokens import AccessTokens
 from cutenv.people.play.course_progress import GIVEN_UP
 
 SCORE_SCOPE = "https://purl.imsglobal.org/spec/lti-ags/scope/score"

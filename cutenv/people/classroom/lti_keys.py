@@ -1,7 +1,9 @@
-"""Keys of LTI 1.3, of the class and of the platforms.
+"""Keys of LTI 1.3, of class and platforms, and access tokens.
 
 Tokens are signed and checked by joserfc.  Only RS256 is accepted, which LTI requires: the header of a token can make it
 neither unsigned nor checked with a public key in place of a shared secret.
+
+Access tokens of platforms (OAuth 2.0 client credentials) are asked for by an assertion that the class's key signs.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ from datetime import datetime
 from functools import cached_property
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlencode
 
 from joserfc import jws, jwt
 from joserfc.errors import JoseError
@@ -30,6 +33,8 @@ _RS256 = ["RS256"]
 _FEWEST_BITS, _MOST_KEYS = 2048, 50
 _LONGEST_TOKEN = 64 * 1024
 _FRESH, _PAUSE = 3600.0, 10.0  # [s] for which keys hold; between two looks for a key that is not known
+_ASSERTED, _EARLY = 120, 30.0  # [s] for which a statement to the platform holds; by which a token is renewed early
+_ASSERTION_TYPE = "urn:ietf:params:oauth:client-assertion-type:jwt-bearer"
 
 
 class BadToken(ValueError):
@@ -164,3 +169,55 @@ def _keys_of(content: Mapping[str, Any]) -> dict[str, RSAKey]:
         except (JoseError, ValueError, TypeError, KeyError):
             continue  # another key of the set may be sound
     return found
+
+
+class AccessTokens:
+    """Access tokens by platform and scope, cached until they expire.
+
+    Parameters
+    ----------
+    key : ToolKey
+        Key of the class.
+    clock : callable
+        Returns the present time, UTC.
+    """
+
+    def __init__(self, key: ToolKey, clock: Callable[[], datetime]) -> None:
+        self._key, self._clock = key, clock
+        self._tokens: dict[tuple[str, str, str], tuple[str, float]] = {}
+
+    def forget(self, platform: Platform, scope: str) -> None:
+        """Drop a rejected token, so that the next use requests one."""
+        self._tokens.pop((*platform.key, scope), None)
+
+    def find(self, platform: Platform, scope: str) -> str:
+        """Return an access token of a platform for a scope.
+
+        Raises
+        ------
+        PlatformRefused
+            If the platform answers with an error.
+        PlatformUnreachable
+            If it answers without a token, or not at all.
+        ValueError
+            If the class's key cannot be read.
+        """
+        token, until = self._tokens.get((*platform.key, scope), ("", 0.0))
+        if time.monotonic() < until:
+            return token
+        claims = {"iss": platform.client_id, "sub": platform.client_id}
+        audience = platform.token_audience or platform.token_url
+        form = {
+            "grant_type": "client_credentials",
+            "client_assertion_type": _ASSERTION_TYPE,
+            "client_assertion": self._key.signed(claims, audience, self._clock(), _ASSERTED),
+            "scope": scope,
+        }
+        headers = {"Content-Type": "application/x-www-form-urlencoded"}
+        answer = asked_for_json(platform.token_url, urlencode(form).encode(), headers)
+        given, lasts = answer.get("access_token"), str(answer.get("expires_in"))
+        if not isinstance(given, str) or not (given and given.isascii() and given.isprintable()):
+            raise PlatformUnreachable(f"{platform.token_url} gives no access token")
+        seconds = float(lasts[:9]) if lasts.isascii() and lasts.isdecimal() else 60.0
+        self._tokens[(*platform.key, scope)] = (given, time.monotonic() + max(0.0, seconds - _EARLY))
+        return given

@@ -12,6 +12,7 @@ from email.message import Message
 from typing import Any, NamedTuple
 from urllib.parse import parse_qsl, urlencode, urljoin, urlsplit
 
+from cutenv.people.classroom.lti_keys import AccessTokens
 from cutenv.people.classroom.lti_platforms import (
     Platform,
     PlatformRefused,
@@ -21,7 +22,6 @@ from cutenv.people.classroom.lti_platforms import (
     json_object,
     without_query,
 )
-from cutenv.people.classroom.lti_tokens import AccessTokens
 
 MEMBERS_SCOPE = "https://purl.imsglobal.org/spec/lti-nrps/scope/contextmembership.readonly"
 """Scope that the class asks for."""

@@ -5,11 +5,10 @@ from __future__ import annotations
 from cutenv._base.language_files import texts_by_key
 from cutenv.people.classroom.lesson import Lesson
 from cutenv.people.classroom.lti_grades import GradeCourier
-from cutenv.people.classroom.lti_keys import KEY_FILE, ToolKey
+from cutenv.people.classroom.lti_keys import KEY_FILE, AccessTokens, ToolKey
 from cutenv.people.classroom.lti_launch import LaunchDoor
 from cutenv.people.classroom.lti_people import LtiPeople
 from cutenv.people.classroom.lti_platforms import PLATFORMS_FILE, PlatformFile
-from cutenv.people.classroom.lti_tokens import AccessTokens
 
 
 class LtiTool:
