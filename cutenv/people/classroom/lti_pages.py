@@ -17,10 +17,10 @@ from starlette.routing import Route
 from cutenv.display.report.page import translated
 from cutenv.people.browser.page_alone import script_digest
 from cutenv.people.classroom.class_site import LAUNCH_PATHS, ClassSite, text_of
-from cutenv.people.classroom.course_roster import course_rosters
 from cutenv.people.classroom.host_names import is_loopback
 from cutenv.people.classroom.lti_keys import BadToken
 from cutenv.people.classroom.lti_launch import Launch, RefusedLaunch
+from cutenv.people.classroom.lti_members import course_rosters
 from cutenv.people.classroom.lti_people import Learner
 from cutenv.people.classroom.lti_platforms import Platform, PlatformUnreachable, platform_of
 from cutenv.people.classroom.lti_registration import RefusedRegistration, RegistrationDesk
