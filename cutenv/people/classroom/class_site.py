@@ -34,7 +34,7 @@ from cutenv.people.classroom.foreign_upload import LARGEST_UPLOAD
 from cutenv.people.classroom.host_names import is_address
 from cutenv.people.classroom.lesson import LONGEST_CUT, Lesson
 from cutenv.people.classroom.xapi_statements import Courier
-from cutenv.people.play.course_words import course_name
+from cutenv.people.play.course import course_name
 
 if TYPE_CHECKING:
     from cutenv.people.classroom.lti_tool import LtiTool  # an extra

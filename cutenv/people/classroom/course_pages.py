@@ -26,10 +26,10 @@ from cutenv.people.play.course import (
     course_content,
     course_of,
     course_toml,
+    course_words,
     named_course,
     task_content,
 )
-from cutenv.people.play.course_words import course_words
 from cutenv.sim.tissue.drawn_lines import KINDS
 from cutenv.sim.tissue.specimen import CLASSES
 from cutenv.task.registry import tasks_with

@@ -25,7 +25,7 @@ from cutenv.people.classroom.lti_people import Learner
 from cutenv.people.classroom.lti_platforms import Platform, PlatformUnreachable, platform_of
 from cutenv.people.classroom.lti_registration import RefusedRegistration, RegistrationDesk
 from cutenv.people.classroom.lti_tool import LtiTool
-from cutenv.people.play.course_words import course_name
+from cutenv.people.play.course import course_name
 
 T = TypeVar("T")
 

@@ -13,11 +13,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from cutenv._base import resources
-from cutenv._base.language_files import local_number
+from cutenv._base.language_files import course_texts, local_number, shipped_names
 from cutenv._base.unit_table import Unit, shown_unit
 from cutenv._base.validation import in_range, one_of
 from cutenv.agents.policy import ORACLE, experts
-from cutenv.people.play.course_words import course_words
 from cutenv.records.provenance import check_operator
 from cutenv.records.scoring import MAP_METRICS, ScoreCard, all_metrics
 from cutenv.records.scoring.score_card import whole_score
@@ -25,6 +24,17 @@ from cutenv.sim.tissue.drawn_lines import KINDS
 from cutenv.sim.tissue.specimen import CLASSES
 from cutenv.task.beginning import LONGEST
 from cutenv.task.registry import TASKS, RegisteredTask, tasks_with
+
+
+def course_words(language: str, key: str, **values: object) -> str:
+    """Return a translated sentence, feedback rule or metric name with values."""
+    return course_texts(language).get(key, key.replace("_", " ")).format(**values)
+
+
+def course_name(language: str, name: str) -> str:
+    """Return a packaged course's or task's name translated, others unchanged."""
+    return shipped_names(language).get(name, name)
+
 
 FEEDBACK = {rule: course_words("en", rule) for rule in ("always", "above-limit", "afterwards", "never")}
 """Rules of when a person sees the force, with their words."""

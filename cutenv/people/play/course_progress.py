@@ -13,8 +13,7 @@ from typing import Any, NamedTuple
 
 from cutenv._base.language_files import languages, local_moment
 from cutenv._base.output import whole_files
-from cutenv.people.play.course import WARM_UP, Course, CourseTask, marked_numbers
-from cutenv.people.play.course_words import course_name, course_words
+from cutenv.people.play.course import WARM_UP, Course, CourseTask, course_name, course_words, marked_numbers
 from cutenv.records import load_one, read_metadata
 from cutenv.records.scoring import ScoreCard, score
 from cutenv.task.registry import TASKS

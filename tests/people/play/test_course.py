@@ -17,13 +17,13 @@ from cutenv.people.play.course import (
     SHIPPED_COURSES,
     Course,
     CourseTask,
+    course_name,
     course_toml,
     named_course,
     read_course,
     shown_feedback,
 )
 from cutenv.people.play.course_progress import GIVEN_UP, CourseProgress
-from cutenv.people.play.course_words import course_name
 from cutenv.people.play.devices import MouseDevice, simple_hand
 from cutenv.people.play.play_session import Session, SessionPlan
 from cutenv.records import load_one
