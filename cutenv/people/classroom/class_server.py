@@ -1,12 +1,15 @@
 """Web server of a class, with pages for people and their teacher.
 
-No page asks another host for anything.
+No page asks another host for anything.  A lock on the class's folder, released with the process, names its server.
 """
 
 from __future__ import annotations
 
+import errno
+import os
 import secrets
 import sys
+from pathlib import Path
 
 from sqlalchemy.exc import SQLAlchemyError
 from starlette.applications import Starlette
@@ -27,8 +30,11 @@ from cutenv.people.classroom.lesson import RefusedCut
 from cutenv.people.classroom.live_rig import LiveRig, live_routes
 from cutenv.people.classroom.teacher_pages import StudyPages, TeacherPages, UploadPages
 
+CLAIM_FILE = "server.lock"
+"""Name of the file in the class's folder. It stays when a server has ended, and then claims nothing."""
 _LONGEST_CODE = 64
 _FAILURES_BY_CODE = 2  # wrong codes in a minute, for each code there is
+_TAKEN = (errno.EACCES, errno.EAGAIN, errno.EDEADLK)  # others: a disk without locks, where nothing is known
 
 
 class PeoplePages:
@@ -231,3 +237,51 @@ def _lti_routes(site: ClassSite) -> list[Route]:
 def new_token() -> str:
     """Return a new secret for the teacher."""
     return secrets.token_urlsafe(16)
+
+
+class FolderClaim:
+    """Lock on a folder that names its server to the next one.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of a class.
+    address : str
+        Address of the server.
+
+    Attributes
+    ----------
+    other : str
+        Address of a server in another process that has the folder already; empty if there is none.
+    """
+
+    def __init__(self, folder: Path, address: str) -> None:
+        self._file = (folder / CLAIM_FILE).open("a+", encoding="utf-8")
+        self.other = ""
+        if self._is_taken():
+            self._file.seek(1)  # the first byte is what is locked
+            self.other = self._file.read().strip() or "an address that is not known"
+        else:
+            self._file.truncate(0)
+            self._file.write(f" {address}\n")
+            self._file.flush()
+
+    def _is_taken(self) -> bool:
+        """Lock the first byte; return True if another process has it."""
+        try:
+            if os.name == "nt":
+                import msvcrt
+
+                self._file.seek(0)
+                msvcrt.locking(self._file.fileno(), msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined,unused-ignore]
+            else:
+                import fcntl
+
+                fcntl.lockf(self._file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB, 1, 0)
+        except OSError as error:
+            return error.errno in _TAKEN
+        return False
+
+    def close(self) -> None:
+        """Give the folder back."""
+        self._file.close()
