@@ -69,12 +69,11 @@ def _serve(arguments: argparse.Namespace, argv: Sequence[str], port: int, course
     import uvicorn
 
     from cutenv.people.classroom.class_backup import restore_backup, write_backup
-    from cutenv.people.classroom.class_server import FolderClaim, class_app, new_token
+    from cutenv.people.classroom.class_server import FolderClaim, PatientProtocol, class_app, new_token
     from cutenv.people.classroom.class_site import ClassSite
     from cutenv.people.classroom.class_store import ClassStore
     from cutenv.people.classroom.lesson import Lesson
     from cutenv.people.classroom.live_rig import LiveRig
-    from cutenv.people.classroom.patient_protocol import PatientProtocol
     from cutenv.people.classroom.xapi_statements import Courier, StatementQueue
 
     database = arguments.folder / "class.db"

@@ -29,7 +29,7 @@ from class_room import CLOCK, Room, begun, cut_once, hand, message, sent, there_
 from sqlalchemy import event, update
 
 from cutenv.people.browser import HandCut
-from cutenv.people.classroom import ClassStore, class_tables, lesson, patient_protocol
+from cutenv.people.classroom import ClassStore, class_server, class_tables, lesson
 from cutenv.people.classroom.class_site import Trials
 from cutenv.records import load_one
 from scripts.validation.classroom.class_attacks import ATTACKS
@@ -410,10 +410,10 @@ def test_a_second_server_on_a_folder_says_where_the_first_one_is_and_a_dead_one_
 @pytest.fixture
 def listening(room: Room, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[str, int]]:
     """Address of a server of few connections that waits half a second for a header."""
-    monkeypatch.setattr(patient_protocol, "HEADER_WITHIN", 0.5)
-    monkeypatch.setattr(patient_protocol, "MOST_SILENT", 32)
+    monkeypatch.setattr(class_server, "HEADER_WITHIN", 0.5)
+    monkeypatch.setattr(class_server, "MOST_SILENT", 32)
     settings = uvicorn.Config(
-        room.app, http=patient_protocol.PatientProtocol, limit_concurrency=50, log_config=None, port=0
+        room.app, http=class_server.PatientProtocol, limit_concurrency=50, log_config=None, port=0
     )
     server = uvicorn.Server(settings)
     place = socket.create_server(("127.0.0.1", 0))
