@@ -165,7 +165,7 @@ _SHIPPED = (
             "learning_rate": 1e-3,
         },
         infos="cutenv.agents.learning.demonstration:DEPTH_INFOS",
-        played="cutenv.people.play.played_depth_cut:PlayedDepthCut",
+        played="cutenv.people.play.played_cut:PlayedDepthCut",
         hand="cutenv.people.browser.stylus_steps:HandDepthCut",
     ),
     RegisteredTask(
@@ -185,7 +185,7 @@ _SHIPPED = (
         planner="cutenv.agents.policy.third_axis_planners:PathPlanner",
         options=_ALONG_LINE,
         infos="cutenv.agents.learning.demonstration:PATH_INFOS",
-        played="cutenv.people.play.played_path_cut:PlayedPathCut",
+        played="cutenv.people.play.played_cut:PlayedPathCut",
         hand="cutenv.people.browser.stylus_steps:HandPathCut",
     ),
     _excision("excision", "Excision", "along one side of an excision", "EXCISION_SCRIPTS", "excision by force"),

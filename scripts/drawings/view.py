@@ -19,7 +19,7 @@ from PIL import Image  # comes with matplotlib
 from cutenv._engine.randomness import generator
 from cutenv.display.viewer.solid import ShownCut, write_view
 from cutenv.people.play.devices import simple_hand
-from cutenv.people.play.played_depth_cut import PlayedDepthCut
+from cutenv.people.play.played_cut import PlayedDepthCut
 from cutenv.sim.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.sim.tissue import Specimen, measured_liver
 from cutenv.sim.trace import Trace

@@ -1,4 +1,4 @@
-"""Cut by a person.
+"""Cuts by a person: straight on, along a wanted depth, or along a drawn line.
 
 The environment's own task at 1 kHz, with every reading kept, scored as any other cut.
 """
@@ -15,10 +15,12 @@ from cutenv._base.arrays import Array, Struct, StructArray
 from cutenv._base.validation import in_range
 from cutenv.agents.policy.interface import in_si
 from cutenv.agents.policy.tip_estimate import CUT_ESTIMATE, TipEstimate
+from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.envs.path_cut import PathCutEnv, to_path_action
 from cutenv.people.play.devices import ScriptedDevice, watching_hand
 from cutenv.people.play.finishing import NearTarget, missing_to_finish
-from cutenv.people.play.hand_model import PLAYED_HAND, speed_toward
+from cutenv.people.play.hand_model import PLAYED_HAND, descent_toward, hand_over_slab, speed_toward, steered_toward
 from cutenv.people.play.handle_body import Handle, HandlePose
 from cutenv.people.play.haptics import FeltForce, Stylus
 from cutenv.records.scoring import ReferenceSet, ScoreCard, score
@@ -32,11 +34,14 @@ from cutenv.sim.tissue.grid import depth_below
 from cutenv.sim.trace import Trace
 from cutenv.task.assessment import NEAR_TARGET
 from cutenv.task.observation import COMPONENTS, to_action
+from cutenv.task.path import PATH_CUT
 
 UPDATES_HZ = round(1.0 / TICK)
 FEWEST_READINGS = 100
 """Least number of readings that makes an abandoned cut a record: a tenth of a second."""
 _ESTIMATED_EVERY = 20  # ms: as often as an agent decides
+_AT_LATERAL = [each.name for each in PATH_CUT.all_components].index("lateral")
+_LATERAL = PATH_CUT.all_components[_AT_LATERAL]
 
 
 class PlayedCut:
@@ -259,3 +264,103 @@ class PlayedCut:
     def card(self, trace: Trace) -> ScoreCard:
         """Return its record's score as ``cutenv score``, with noted tip."""
         return score(trace, target_length=self.target_length, reference=ReferenceSet.shipped())
+
+
+class PlayedDepthCut(PlayedCut):
+    """Cut of one specimen by a hand along a wanted depth.
+
+    The blade goes to the level that is asked for.
+
+    It is an episode of ``DepthCutEnv(drive="hand", control_hz=1000)`` with the same seed.  Along the cut the hand holds
+    the blade by a spring; up and down the blade is led as a drive leads it.
+    """
+
+    environment = DepthCutEnv
+    channels = ("height", "vertical_force")
+    third = "level"
+
+    def __init__(self, **keywords: Any) -> None:
+        super().__init__(**keywords)
+        self._start = self.level
+
+    @property
+    def level(self) -> float:
+        """Level of the blade's lower end [m], 0 at the specimen's profile."""
+        return float(self.cutting.motion["level"][0])
+
+    def wanted_level(self, position: float) -> float:
+        """Return the wanted floor's level above the starting blade's [m]."""
+        return float(depth_below(self.cutting.shown_depth.wanted, position)) - self._start
+
+    def action(self, stylus: Stylus) -> NDArray[np.float32]:
+        """Return the environment's action, with descent to the wanted level."""
+        descent = descent_toward(self.level, self._start + stylus.level)
+        return np.append(super().action(stylus), np.float32(np.clip(descent, -1.0, 1.0)))
+
+    def simple_hand(self) -> ScriptedDevice:
+        """Return a scripted hand that keeps the wanted depth."""
+        return watching_hand(self._tip, self.target_length, level=self.wanted_level)
+
+    def _sampled(self) -> tuple[float, ...]:
+        return self.level, float(self.cutting.across[0])
+
+    @property
+    def map_words(self) -> str:
+        """Depth of the cut so far in words."""
+        found = self.cutting.errors
+        opened = found["layer_mm"]
+        below = f"{opened:.1f} mm into the layer below" if opened > 0.0 else "the layer below is not opened"
+        return f"Depth: {found['mean_error_mm']:.1f} mm off the wanted one in the mean; {below}."
+
+
+class PlayedPathCut(PlayedCut):
+    """Cut of one specimen by a hand along a drawn line.
+
+    The blade points where the hand is moved.
+
+    It is an episode of ``PathCutEnv(drive="hand", control_hz=1000)`` with the same seed.  The blade hangs on the hand
+    by a spring, behind it; it turns toward the place where the hand is wanted, at the task's rate of turn at most.
+    """
+
+    environment = PathCutEnv
+    channels = ("blade_x", "blade_y", "lateral_force")
+    third = "across"
+
+    @property
+    def places(self) -> Array:
+        """Blade places along and across the slab [m], shape (n, 2)."""
+        return self._further[: self._count, :2]
+
+    @property
+    def lateral_force(self) -> Array:
+        """Measured blade force to its right [N], shape (n,)."""
+        return self._channel("lateral_force")
+
+    @property
+    def hand_place(self) -> tuple[float, float]:
+        """Hand's place along and left across [m], ahead of the blade."""
+        along, across = hand_over_slab(self.plant.states[0], self.cutting.motion[0])
+        return float(along), float(across)
+
+    def action(self, stylus: Stylus) -> NDArray[np.float32]:
+        """Return the environment's action: speed, and turn toward the hand."""
+        speed, turn = steered_toward(
+            self.plant.states[0], self.cutting.motion[0], (stylus.position, stylus.across), PLAYED_HAND.motor_lag,
+            PLAYED_HAND.acceleration,
+        )  # fmt: skip
+        return to_path_action(float(speed), stylus.angle, float(turn))
+
+    def simple_hand(self) -> ScriptedDevice:
+        """Return a scripted hand that follows the line by the tip."""
+        return watching_hand(self._tip, self.target_length, line=self.cutting.line)
+
+    def _sampled(self) -> tuple[float, ...]:
+        return *self.cutting.blade_place, _LATERAL.scale * float(self._observation[_AT_LATERAL])
+
+    @property
+    def map_words(self) -> str:
+        """Path of the cut so far in words."""
+        found = self.cutting.errors
+        mean, largest = found["mean_distance_mm"], found["largest_distance_mm"]
+        area = found["area_mm2"]
+        return f"Path: {mean:.1f} mm off the line in the mean, {largest:.1f} mm at most; {area:.0f} mm² between them."

@@ -15,7 +15,7 @@ import pytest
 from cutenv.display.viewer.solid import CurvedCut, write_curved_view
 from cutenv.display.viewer.solid.curved_cut import OPENING, CurvedSolid
 from cutenv.display.viewer.solid.view_page import curved_page
-from cutenv.people.play.played_path_cut import PlayedPathCut
+from cutenv.people.play.played_cut import PlayedPathCut
 from cutenv.records.scoring.cut_map import LINE_KEY, PathMap
 from cutenv.records.scoring.truth import ASIDE_AT_END
 from cutenv.sim.plant import FreehandPlant

@@ -31,7 +31,7 @@ from cutenv.display.viewer.solid.solids import (
 )
 from cutenv.display.viewer.solid.view_page import view_page
 from cutenv.people.play.devices import simple_hand
-from cutenv.people.play.played_depth_cut import PlayedDepthCut
+from cutenv.people.play.played_cut import PlayedDepthCut
 from cutenv.records.scoring.truth import FLOOR_AT_END
 from cutenv.sim.tissue.grid import SPACING
 from cutenv.sim.trace import Trace

@@ -29,9 +29,7 @@ from cutenv.people.play.hand_model import turn_toward
 from cutenv.people.play.haptics import Stylus
 from cutenv.people.play.picture import LAYOUT
 from cutenv.people.play.play_session import Session, SessionPlan
-from cutenv.people.play.played_cut import PlayedCut
-from cutenv.people.play.played_depth_cut import PlayedDepthCut
-from cutenv.people.play.played_path_cut import PlayedPathCut
+from cutenv.people.play.played_cut import PlayedCut, PlayedDepthCut, PlayedPathCut
 from cutenv.records import load_one
 from cutenv.records.scoring.cut_map import LINE_KEY
 from cutenv.sim.tissue.grid import SPACING
