@@ -1,11 +1,14 @@
 """Cuts by a person: straight on, along a wanted depth, or along a drawn line.
 
-The environment's own task at 1 kHz, with every reading kept, scored as any other cut.
+The environment's own task at 1 kHz, with every reading kept, scored as any other cut.  Near the target words say what
+is still missing to finish, also from what a rig measures.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,7 +22,6 @@ from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.envs.path_cut import PathCutEnv, to_path_action
 from cutenv.people.play.devices import ScriptedDevice, watching_hand
-from cutenv.people.play.finishing import NearTarget, missing_to_finish
 from cutenv.people.play.hand_model import PLAYED_HAND, descent_toward, hand_over_slab, speed_toward, steered_toward
 from cutenv.people.play.handle_body import Handle, HandlePose
 from cutenv.people.play.haptics import FeltForce, Stylus
@@ -29,19 +31,73 @@ from cutenv.records.scoring.truth import TIP_AT_END
 from cutenv.sim.cutting.dtypes import READING, TICK
 from cutenv.sim.plant.protocol import to_trace
 from cutenv.sim.plant.simulator import SimulatedPlant
-from cutenv.sim.quantities import TIP_TOLERANCE
+from cutenv.sim.quantities import ANGLE_TOLERANCE, TIP_TOLERANCE
 from cutenv.sim.tissue.grid import depth_below
 from cutenv.sim.trace import Trace
-from cutenv.task.assessment import NEAR_TARGET
+from cutenv.task.assessment import FORCE_UNLOADED, NEAR_TARGET, SPEED_AT_REST
 from cutenv.task.observation import COMPONENTS, to_action
 from cutenv.task.path import PATH_CUT
+from cutenv.task.reward import TIME_AT_REST, WITHDRAWN
 
 UPDATES_HZ = round(1.0 / TICK)
 FEWEST_READINGS = 100
 """Least number of readings that makes an abandoned cut a record: a tenth of a second."""
 _ESTIMATED_EVERY = 20  # ms: as often as an agent decides
+_SHORTEST_RETREAT = 1e-3  # [m] to advise: a hand cannot aim at less
 _AT_LATERAL = [each.name for each in PATH_CUT.all_components].index("lateral")
 _LATERAL = PATH_CUT.all_components[_AT_LATERAL]
+
+
+@dataclass(frozen=True, kw_only=True)
+class NearTarget:
+    """Measured and estimated state of a cut near its target.
+
+    Attributes
+    ----------
+    force, elastic : float
+        Measured force, and the tissue's part of it as estimated [N].
+    friction : float
+        Friction of the moving blade as estimated [N].
+    stiffness : float
+        Stiffness K of the slab at the tip as estimated [N/m].
+    speed, angle : float
+        Of the blade [m/s], [rad]; pi/2 is upright.
+    rested : float
+        Time for which the blade has been at rest and unloaded [s].
+    withdrawn : float
+        Distance drawn back since the tissue was last loaded [m].
+    """
+
+    force: float
+    elastic: float
+    friction: float
+    stiffness: float
+    speed: float
+    angle: float
+    rested: float
+    withdrawn: float
+
+
+def missing_to_finish(cut: NearTarget, *, force_shown: bool = True) -> tuple[str, ...]:
+    """Return what is missing to finish a cut, most urgent first.
+
+    Without ``force_shown`` it names no force, nor the distance that follows from it.
+    """
+    missing = []
+    if abs(0.5 * math.pi - cut.angle) > ANGLE_TOLERANCE:
+        missing.append(f"turn the blade upright: {math.degrees(cut.angle):.0f}°")
+    # Friction is estimated: a blade at rest whose rest does not count is loaded, whatever the estimate says.
+    if cut.rested == 0.0 and (abs(cut.speed) < SPEED_AT_REST or cut.force > cut.friction + FORCE_UNLOADED):
+        # While the blade draws back, friction lowers the force: nothing is felt once friction holds what still pulls.
+        back = max((cut.elastic - cut.friction) / cut.stiffness, _SHORTEST_RETREAT)
+        words = f"{max(cut.force, 0.0):.1f} N still pull: draw back {back * 1e3:.0f} mm"
+        missing.append(words if force_shown else "it still pulls: draw back")
+    else:
+        words = f"hold still for {max(TIME_AT_REST - cut.rested, 0.0):.1f} s"
+        if cut.rested == 0.0:
+            words += f", or draw back {max(WITHDRAWN - cut.withdrawn, 0.0) * 1e3:.0f} mm"
+        missing.append(words)
+    return tuple(missing)
 
 
 class PlayedCut:

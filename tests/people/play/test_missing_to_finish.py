@@ -7,9 +7,9 @@ import math
 import pytest
 from played import TARGET, session
 
-from cutenv.people.play.finishing import NearTarget, missing_to_finish
 from cutenv.people.play.haptics import Stylus
 from cutenv.people.play.play_session import Session
+from cutenv.people.play.played_cut import NearTarget, missing_to_finish
 from cutenv.task.assessment import NEAR_TARGET
 
 UPRIGHT = math.pi / 2
