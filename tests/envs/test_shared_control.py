@@ -16,7 +16,7 @@ from cutenv.agents.policy import BASELINES, ConstantFeed
 from cutenv.envs import RigCutEnv, SharedControl
 from cutenv.people.play.devices import HandMotion, ScriptedDevice
 from cutenv.people.play.haptics import Stylus
-from cutenv.people.play.intervening_hand import InterveningHand
+from cutenv.people.play.shared_cut import InterveningHand
 from cutenv.task.observation import to_action
 
 PERSONS = to_action(0.004, 1.2)

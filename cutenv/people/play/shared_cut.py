@@ -1,11 +1,12 @@
-"""Cut by an agent that a person can take over.
+"""Cut by an agent that a person can take over, while a button is held.
 
-It is taken over millisecond by millisecond, while a button is held.
+In :class:`SharedCut` it is taken over millisecond by millisecond; :class:`InterveningHand` takes over decision by
+decision, in simulation and on a rig, for :class:`cutenv.envs.SharedControl`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,14 +16,17 @@ from numpy.typing import NDArray
 from cutenv._base.validation import one_of
 from cutenv.people.play.devices import HandMotion, ScriptedDevice, within_angles
 from cutenv.people.play.hand_model import speed_over
-from cutenv.people.play.haptics import FeltForce, Stylus
+from cutenv.people.play.haptics import FeltForce, HapticDevice, Stylus
 from cutenv.people.play.played_cut import UPDATES_HZ, PlayedCut
 from cutenv.sim.cutting.drive import Rig
 from cutenv.sim.trace import Trace
-from cutenv.task.observation import COMPONENTS, OFFSETS, SCALES, to_action
+from cutenv.task.observation import COMPONENTS, OFFSETS, SCALES, SPEED_SCALE, to_action
 
 LEADS = "next"
 """Button that hands the blade to the person while it is held: the first of a grip."""
+LEASH = 0.010
+"""Distance by which the hand may be ahead of the blade that follows it [m]."""
+_SOON = 2.0  # decisions in which the blade is brought to where the hand is
 _FOLDED = {component.name: k for k, component in enumerate(COMPONENTS)}
 _TAKEN_BY = ("control_hz", "angle_mode", "fixed_angle_deg")
 
@@ -212,3 +216,44 @@ class SharedCut(PlayedCut):
             observation[k] = (value - OFFSETS[k]) / SCALES[k]
         self._sum, self._least, self._most = 0.0, np.inf, -np.inf
         return observation
+
+
+class InterveningHand:
+    """Person's action while the first button is held.
+
+    Call it once a decision.
+
+    When the button goes down, the hand is where the blade is, wherever the device stands: the person moves it from
+    there. Speed and angle follow the hand. One that gets ahead of the blade by more than :data:`LEASH`, because the
+    device jumps, reads what is no place, or is moved faster than any blade, is followed no more: the blade stands until
+    the button is pressed anew. The device pushes nothing: a force that is new only with every decision would not be
+    passive.
+
+    Parameters
+    ----------
+    device : HapticDevice
+        Device, open.
+    blade : callable
+        Returns the present position of the blade [m].
+    control_hz : int
+        Decisions a second.
+    """
+
+    def __init__(self, device: HapticDevice, blade: Callable[[], float], *, control_hz: int) -> None:
+        self._device, self._blade = device, blade
+        self._gain = control_hz / _SOON
+        self._lost = False  # it got away since the button went down
+        self._grabbed: float | None = None  # place of the blade less that of the hand when the button went down [m]
+
+    def __call__(self) -> NDArray[np.float32] | None:
+        """Return the action toward the hand, None while released."""
+        stylus, blade = self._device.read(), self._blade()
+        if LEADS not in stylus.buttons:
+            self._grabbed = None
+            return None
+        if self._grabbed is None:
+            self._grabbed, self._lost = blade - stylus.position, False
+        ahead = self._grabbed + stylus.position - blade
+        self._lost |= not abs(ahead) <= LEASH
+        speed = 0.0 if self._lost else self._gain * ahead
+        return to_action(min(max(speed, -SPEED_SCALE), SPEED_SCALE), stylus.angle)
