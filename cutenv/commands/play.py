@@ -47,9 +47,8 @@ def main(argv: Sequence[str]) -> int:
         return 1
     from cutenv.display.viewer.window import open_display
     from cutenv.people.play.inverse3 import INVERSE3_URL
-    from cutenv.people.play.listened_session import ListenedSession
     from cutenv.people.play.named_devices import named_device
-    from cutenv.people.play.play_session import COUNTDOWN, Session, SessionPlan
+    from cutenv.people.play.play_session import COUNTDOWN, ListenedSession, Session, SessionPlan
     from cutenv.people.play.play_window import PlayWindow
     from cutenv.people.play.polled_handle import HandleAxes
     from cutenv.records.foreign.lsl import LslOutlet

@@ -1,11 +1,12 @@
 """Session of cuts by one person, without a window.
 
-Specimens, countdown, 1 kHz by a given clock, record and score.
+Specimens, countdown, 1 kHz by a given clock, record and score.  A listener may be told the cuts while they go on.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
@@ -28,6 +29,7 @@ from cutenv.people.play.played_cut import FEWEST_READINGS, UPDATES_HZ, PlayedCut
 from cutenv.people.play.shared_cut import SharedCut, SharingAgent
 from cutenv.people.play.view_state import PlayPhase, ViewState
 from cutenv.records import Provenance, save
+from cutenv.records.appending import CutListener
 from cutenv.records.scoring import ScoreCard
 from cutenv.sim.cutting.dtypes import TICK
 from cutenv.sim.tissue.grid import depth_below
@@ -40,6 +42,7 @@ LONGEST_STALL = 0.25
 """Longest stall that is made up for [s]; time beyond it is lost to the cut, and the record states it."""
 SHARED_TASK = "shared"
 """Name of the task of gentle cutting that is shared with an agent."""
+_LOST = 0.1  # [s] by which a cut's time may lag behind the clock before the difference is a stall
 
 
 def _kind_of_cut(task: str) -> type[PlayedCut]:
@@ -452,3 +455,47 @@ def _unused(folder: Path, name: str) -> Path:
     while path.exists():
         path, k = folder / f"{name}.{k}.csv", k + 1
     return path
+
+
+class ListenedSession:
+    """Follower of a session.
+
+    Call it after every advance, with what is new passed on to a listener.
+
+    Parameters
+    ----------
+    session : Session
+        Session of cuts.
+    listener : CutListener
+        Listener to them.
+    clock : callable
+        Clock in seconds, that of the listener's stamps.
+    """
+
+    def __init__(self, session: Session, listener: CutListener, clock: Callable[[], float] = time.monotonic) -> None:
+        self._session, self._listener, self._clock = session, listener, clock
+        self._cut: PlayedCut | None = None
+        self._sent, self._origin = 0, 0.0
+
+    def __call__(self) -> None:
+        """Pass on a cut's beginning, new readings and end."""
+        cut = self._session.cut if self._session.phase == "cutting" else None
+        if cut is not self._cut and self._cut is not None:
+            self._pass_on(self._cut)
+            self._listener.ended(self._cut.end or GIVEN_UP)
+        if cut is not self._cut and cut is not None:
+            self._sent, self._origin = 0, self._clock()
+            self._listener.began(f"{cut.specimen_class} seed {cut.seed} number {cut.episode}")
+        self._cut = cut
+        if cut is not None:
+            self._pass_on(cut)
+
+    def _pass_on(self, cut: PlayedCut) -> None:
+        new = cut.readings[self._sent :]
+        if not len(new):
+            return
+        late = self._clock() - (self._origin + float(new["time"][-1]))
+        if late > _LOST:  # time that a stall has taken from the cut
+            self._origin += late
+        self._sent += len(new)
+        self._listener.readings(new.copy(), depth_below(cut.plant.depth, new["position"]), self._origin)

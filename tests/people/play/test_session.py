@@ -16,8 +16,7 @@ from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.people.play import played_cut as played_cut
 from cutenv.people.play.devices import HandMotion, MouseDevice, ScriptedDevice, simple_hand
 from cutenv.people.play.hand_model import FASTEST
-from cutenv.people.play.listened_session import ListenedSession
-from cutenv.people.play.play_session import GIVEN_UP, LONGEST_STALL, Session, SessionPlan
+from cutenv.people.play.play_session import GIVEN_UP, LONGEST_STALL, ListenedSession, Session, SessionPlan
 from cutenv.records import load_one
 
 
