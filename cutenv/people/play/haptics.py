@@ -27,7 +27,7 @@ Take one axis of the device along the cut line, measure it from its position whe
 OpenHaptics calls back at 1 kHz in a thread of its own: there, keep the newest position and send the newest force, and
 let ``read`` and ``push`` pass them on, as :class:`~cutenv.people.play.polled_handle.PolledHandle` does. A mouse or a
 gamepad cannot push.
-:class:`~cutenv.people.play.servo.Servo` runs a session in a thread, a millisecond at a time.
+:class:`~cutenv.people.play.play_session.Servo` runs a session in a thread, a millisecond at a time.
 """
 
 from __future__ import annotations

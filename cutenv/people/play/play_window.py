@@ -15,8 +15,7 @@ from cutenv.display.viewer.window import Window, is_seen, open_display
 from cutenv.people.play.devices import GamepadDevice, MouseDevice
 from cutenv.people.play.haptics import HapticDevice
 from cutenv.people.play.picture import LAYOUT, PlayPicture
-from cutenv.people.play.play_session import SHARED_TASK, Session
-from cutenv.people.play.servo import Servo
+from cutenv.people.play.play_session import SHARED_TASK, Servo, Session
 
 FPS = 60.0
 CARD_SECONDS = 8.0

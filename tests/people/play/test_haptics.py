@@ -14,8 +14,7 @@ from played import COUPLING, TARGET, Pushing, run
 
 from cutenv.people.play.devices import GamepadDevice, MouseDevice, simple_hand
 from cutenv.people.play.haptics import FeltForce, HapticDevice, Stylus, VirtualCoupling
-from cutenv.people.play.play_session import Session, SessionPlan
-from cutenv.people.play.servo import Servo
+from cutenv.people.play.play_session import Servo, Session, SessionPlan
 
 
 def energy_made(felt: FeltForce, positions: list[float], blades: list[float]) -> float:
