@@ -18,10 +18,10 @@ import numpy as np
 
 from cutenv._base.arrays import Array, Array32, Struct, StructArray
 from cutenv._base.validation import check_parameters, one_of, parameter, taken_from
-from cutenv._engine.elementary import log
+from cutenv._engine.elementary import exp, log
 from cutenv._engine.intrinsics import prefetch
 from cutenv._engine.jit import njit, njit_inline, njit_internal
-from cutenv._engine.randomness import VERTICAL_NOISE, Integer, normal_at
+from cutenv._engine.randomness import TASK, VERTICAL_NOISE, WANTED_DRAW, Integer, normal_at, uniform_at
 from cutenv.sim.cutting.descent import (
     DESCENDING,
     DESCENT,
@@ -66,7 +66,23 @@ from cutenv.task.declare import (
 from cutenv.task.episode import Episode, Goal, ShownDepth, TaskOptions
 from cutenv.task.observation import COMPONENTS, SPEED_SCALE, Component, speed_action, to_action
 from cutenv.task.reward import with_weights
-from cutenv.task.wanted_depth import AT_LEVEL, WANTED_KINDS, draw_layer, draw_wanted
+
+AT_LEVEL, UNCHANGING, RAMPED, STEPPED, MIXED_WANTED = range(5)
+"""Kinds of wanted depth: the specimen's own profile (a blade that stays at level 0), or a depth below the surface."""
+WANTED_KINDS = {"profile": AT_LEVEL, "constant": UNCHANGING, "ramp": RAMPED, "step": STEPPED, "mixed": MIXED_WANTED}
+"""Kinds by name; "mixed" draws one of constant, ramp and step."""
+SHALLOW, DEEP = 0.006, 0.014
+"""Range from which wanted depths are drawn [m]."""
+LEAST_CHANGE = 0.003
+"""Least difference between the two depths of a ramp or a step [m]."""
+STEP_LENGTH = 0.002
+"""Length along the cut within which a step changes [m]: a blade takes time to descend."""
+LEAST_BELOW, MOST_BELOW = 0.001, 0.004
+"""Range of the distance from the deepest wanted place to the layer below [m]."""
+TOUGHNESS_RANGE = (0.3, 4.0)
+"""Range of that layer's toughness over the tissue's, drawn by its logarithm; assumed."""
+MODULUS_RANGE = (0.3, 3.0)
+"""Range of that layer's modulus over the tissue's, drawn by its logarithm; assumed."""
 
 DESCENT_SCALE = 0.010
 """Speed downwards of descent action 1 [m/s]."""
@@ -290,6 +306,53 @@ def fetch(cuts: Cuts, i: int, first: Integer, last: Integer) -> None:
             prefetch(depth.wanted, k)
         prefetch(descent.far, place)
         prefetch(descent.near, place)
+
+
+@njit_internal
+def _drawn(seed: Integer, episode: Integer, number: int) -> float:
+    """Return uniform number ``number`` of a key's wanted depth."""
+    return uniform_at(seed, episode, TASK, WANTED_DRAW + np.int64(number))
+
+
+@njit_internal
+def draw_wanted(seed: Integer, episode: Integer, kind: int, target: float, wanted: Array) -> None:
+    """Fill ``wanted``, (301,), with depths [m] below the surface, by ``kind``."""
+    if kind == MIXED_WANTED:
+        kind = UNCHANGING + min(int(3.0 * _drawn(seed, episode, 0)), 2)
+    first = SHALLOW + (DEEP - SHALLOW) * _drawn(seed, episode, 1)
+    least = LEAST_CHANGE if kind != UNCHANGING else 0.0
+    shallower, deeper = max(first - least - SHALLOW, 0.0), max(DEEP - first - least, 0.0)
+    place = _drawn(seed, episode, 2) * (shallower + deeper)  # the range of depths that differ enough
+    second = first - least - place if place < shallower else first + least + (place - shallower)
+    if kind == UNCHANGING:
+        second = first
+    changes = (0.3 + 0.4 * _drawn(seed, episode, 3)) * target
+    for i in range(N_POINTS):
+        x = i * SPACING
+        share = x / target if kind == RAMPED else (x - changes) / STEP_LENGTH + 0.5
+        wanted[i] = first + min(max(share, 0.0), 1.0) * (second - first)
+
+
+@njit_internal
+def draw_layer(seed: Integer, episode: Integer, wanted: Array, layers: Struct) -> None:
+    """Place the lower layer, ``layers.boundary`` [m], below the deepest wanted depth.
+
+    Toughness and modulus are drawn where they are 1, that is not known of the tissue.
+    """
+    deepest = 0.0
+    for i in range(N_POINTS):
+        deepest = max(deepest, wanted[i])
+    layers.boundary = deepest + LEAST_BELOW + (MOST_BELOW - LEAST_BELOW) * _drawn(seed, episode, 4)
+    if layers.deep_toughness == 1.0:
+        layers.deep_toughness = _between(TOUGHNESS_RANGE[0], TOUGHNESS_RANGE[1], _drawn(seed, episode, 5))
+    if layers.deep_modulus == 1.0:
+        layers.deep_modulus = _between(MODULUS_RANGE[0], MODULUS_RANGE[1], _drawn(seed, episode, 6))
+
+
+@njit_internal
+def _between(low: float, high: float, share: float) -> float:
+    """Return the number at ``share`` of a logarithmic interval."""
+    return low * exp(share * log(high / low))
 
 
 @njit_internal
@@ -556,7 +619,7 @@ class DepthOptions(TaskOptions):
     Attributes
     ----------
     wanted : int
-        Kind of wanted depth, a value of :data:`~cutenv.task.wanted_depth.WANTED_KINDS`.
+        Kind of wanted depth, a value of :data:`WANTED_KINDS`.
     layer : bool
         Whether there is another layer below.
     """

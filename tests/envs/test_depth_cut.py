@@ -13,8 +13,7 @@ from cutenv.agents.learning.evaluation import Contestant, evaluate
 from cutenv.agents.policy.depth_policies import FollowDepth, HoldDepth
 from cutenv.envs.depth_cut import DepthCutEnv, to_depth_action
 from cutenv.envs.vector import CutBatch
-from cutenv.task.depth import DEPTH_CUT
-from cutenv.task.wanted_depth import DEEP, LEAST_BELOW, LEAST_CHANGE, MOST_BELOW, SHALLOW
+from cutenv.task.depth import DEEP, DEPTH_CUT, LEAST_BELOW, LEAST_CHANGE, MOST_BELOW, SHALLOW
 
 UPRIGHT = math.pi / 2
 
