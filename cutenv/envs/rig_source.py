@@ -42,7 +42,7 @@ from cutenv.rig.errors import RigError
 from cutenv.rig.imitated.connection import operator_of, settings_of
 from cutenv.rig.operation.operator import AutomaticOperator, Operator
 from cutenv.rig.operation.session import RigSession, SpecimenKey, SpecimensByHand, recorded_channels, recorded_rows
-from cutenv.rig.plant import RigPlant
+from cutenv.rig.plant import RigPlant, rig_plant
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.toml_file import read_rig_file
 from cutenv.sim.cutting.drive import PDRig, Rig
@@ -282,8 +282,6 @@ class RigSource:
             operator = self._operator or AutomaticOperator(self.settings)
             self.supply = FakeSpecimens(fake, self._constants)
             return RigSession(fake.plant, operator, self.supply)
-        from cutenv.rig.hardware import rig_plant
-
         if self._rig in EMULATED:
             from cutenv.rig.imitated.emulator.process import start
 

@@ -6,6 +6,7 @@ It sends the policy's commands at a fixed rate, and returns the measurements at 
 from __future__ import annotations
 
 import math
+import os
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -19,14 +20,14 @@ from numpy.typing import NDArray
 from cutenv._base.arrays import Array, StructArray
 from cutenv._base.validation import array_in_range, in_range
 from cutenv.rig.config.settings import RigSettings, SafetyLimits
-from cutenv.rig.devices.host import Owner
+from cutenv.rig.devices.host import Clock, Owner
 from cutenv.rig.devices.protocols import ForceSample, MotionSample, Observer, interpolated, newest_since
 from cutenv.rig.errors import RigError
 from cutenv.rig.remote_spine import RemoteSpine
 from cutenv.rig.safety.monitors import NOMINAL_LAG, REST_SPEED
 from cutenv.rig.safety.oversight import Oversight
 from cutenv.rig.safety.stop_causes import WATCH, Cause, StopReport
-from cutenv.rig.spine import Spine
+from cutenv.rig.spine import Spine, mounted_spine
 from cutenv.rig.travel import AIMED, SLICE, VALID, Travel
 from cutenv.sim.cutting.dtypes import READING, TICK
 from cutenv.sim.tissue.drawn_lines import along_line
@@ -539,3 +540,21 @@ class RigPlant(Travel):
                 self._way.append(place)
         self.keep(readings)
         return readings
+
+
+def rig_plant(
+    settings: RigSettings, clock: Clock | None = None, *, file: str | os.PathLike[str] | None = None
+) -> RigPlant:
+    """Make a rig's plant, real or emulated, without connecting.
+
+    Its spine has a process of its own, unless a ``clock`` is given: drivers and safety then run by it, in this process.
+    Beside the rig's ``file``, with the ending ``.proven``, the day is noted on which the stop button was proven.
+
+    Raises
+    ------
+    ValueError
+        In this process, if a driver that the rig's file names does not exist, or refuses its settings; otherwise
+        they are made, and refused, when it is opened.
+    """
+    note = None if file is None else Path(file).with_suffix(".proven")
+    return RigPlant(RemoteSpine(settings) if clock is None else mounted_spine(settings, clock), note)

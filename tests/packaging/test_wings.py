@@ -18,7 +18,7 @@ from scripts.documentation import measure_codebase
 ROOT = Path(__file__).parents[2]
 
 
-REAL = ("cutenv.rig.hardware", "cutenv.rig.devices.canopen.axis", "cutenv.rig.devices.netft_sensor")
+REAL = ("cutenv.rig.devices.canopen.axis", "cutenv.rig.devices.netft_sensor")
 
 
 def run(code: str) -> list[str]:
@@ -107,7 +107,7 @@ def test_a_real_rig_loads_neither_fake_nor_emulator(tmp_path: Path) -> None:
 
 def test_an_emulated_rig_loads_no_fake() -> None:
     loaded = loaded_after(
-        "import cutenv.rig.imitated.emulator.process, cutenv.rig.imitated.connection, cutenv.rig.hardware\n"
+        "import cutenv.rig.imitated.emulator.process, cutenv.rig.imitated.connection, cutenv.rig.plant\n"
         "from cutenv.rig.devices.host import SystemClock\nfrom cutenv.rig.spine import mounted_spine\n"
         "from cutenv.rig.config.settings import RigSettings\nmounted_spine(RigSettings(), SystemClock())"
     )
@@ -122,7 +122,7 @@ def test_the_spine_loads_no_plant_no_compiler_and_no_policy() -> None:
         "from cutenv.rig.devices.host import SystemClock\nfrom cutenv.rig.config.settings import RigSettings\n"
         "mounted_spine(RigSettings(), SystemClock())\nprint(*sys.modules)"
     ))  # fmt: skip
-    assert set(REAL[1:]) <= loaded
+    assert set(REAL) <= loaded
     assert not {"numba", "llvmlite", "torch", "cutenv.rig.plant"} & loaded
     unwanted = tuple(f"cutenv.{each}" for each in ("agents", "envs", "sim.plant", "rig.imitated"))
     assert [name for name in loaded if name.startswith(unwanted)] == []

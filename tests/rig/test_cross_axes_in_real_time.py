@@ -14,11 +14,11 @@ from cutenv.envs.rig_cut import RigPathCutEnv
 from cutenv.envs.rig_source import EmulatedSpecimens
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.errors import RigError
-from cutenv.rig.hardware import rig_plant
 from cutenv.rig.imitated.emulator.process import start
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.preflight import inspect
 from cutenv.rig.operation.session import RigSession, SpecimenKey
+from cutenv.rig.plant import rig_plant
 from cutenv.rig.safety.stop_causes import RigStopped
 from cutenv.sim.tissue.layers import Layers
 from cutenv.sim.tissue.specimen import Specimen

@@ -21,10 +21,10 @@ from cutenv.rig.config.settings import RigSettings, SafetyLimits, SensorCalibrat
 from cutenv.rig.contradictions import refuse_contradictions
 from cutenv.rig.devices import Mounting, RigError, SystemClock
 from cutenv.rig.devices.driver_registry import mounted
-from cutenv.rig.hardware import rig_plant
 from cutenv.rig.imitated.emulator.process import RunningEmulator, start
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.preflight import prepare
+from cutenv.rig.plant import rig_plant
 from cutenv.rig.plugins.bota_sensor import bota_frame
 from cutenv.rig.plugins.conformance import Listening
 from cutenv.rig.plugins.framed_sensor import FrameError, FrameFormat, FrameReader

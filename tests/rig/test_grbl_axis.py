@@ -15,11 +15,11 @@ from waiting import until
 from cutenv.rig.config.settings import RigSettings, SensorCalibration
 from cutenv.rig.contradictions import refuse_contradictions
 from cutenv.rig.devices import DriveState, Mounting, RigError, SystemClock
-from cutenv.rig.hardware import rig_plant
 from cutenv.rig.imitated.emulator.firmware import EmulatedGrbl
 from cutenv.rig.imitated.emulator.serial_rig import EmulatedSerialRig, SerialOptions
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.preflight import prepare
+from cutenv.rig.plant import rig_plant
 from cutenv.rig.plugins.conformance import Listening, conform_motion
 from cutenv.rig.plugins.grbl_axis import PIECE, SENT_AHEAD, GrblAxis, GrblStatus, grbl_status, jog_line
 from cutenv.rig.plugins.slow_profile import grbl_settings

@@ -11,10 +11,10 @@ import pytest
 from made_ready import ready_rig, release
 
 from cutenv.rig.devices.host import preferred
-from cutenv.rig.hardware import rig_plant
 from cutenv.rig.imitated.emulator.process import start
 from cutenv.rig.imitated.fake_rig import replayed_rig
 from cutenv.rig.operation.preflight import SETTLE
+from cutenv.rig.plant import rig_plant
 from cutenv.rig.safety.stop_causes import RigStopped
 from cutenv.sim.cutting.dtypes import READING, TICK
 from cutenv.sim.plant import Leg, Plant, SimulatedPlant, run, to_trace

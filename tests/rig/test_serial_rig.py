@@ -24,7 +24,6 @@ from cutenv.rig.contradictions import refuse_contradictions
 from cutenv.rig.devices import DriveState, ForceSample, Mounting, RigError, SystemClock
 from cutenv.rig.devices.driver_registry import mounted
 from cutenv.rig.devices.serial.board import board_line
-from cutenv.rig.hardware import rig_plant
 from cutenv.rig.imitated.emulator import process
 from cutenv.rig.imitated.emulator.process import RunningEmulator
 from cutenv.rig.imitated.emulator.serial_rig import (
@@ -36,6 +35,7 @@ from cutenv.rig.imitated.emulator.serial_rig import (
 )
 from cutenv.rig.operation.suitability import decisions, fits, stopping_ways, suitability_lines
 from cutenv.rig.operation.weighing import GRAVITY, Weighing, weigh
+from cutenv.rig.plant import rig_plant
 from cutenv.rig.plugins.conformance import Listening
 from cutenv.rig.plugins.slow_profile import RATES, slow_settings
 from cutenv.rig.safety.monitors import ForceMonitor, ForceReadings

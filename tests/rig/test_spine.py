@@ -22,8 +22,7 @@ from waiting import until
 from cutenv.rig.devices.host import SystemClock
 from cutenv.rig.devices.protocols import DriveState, ForceSample, MotionSample
 from cutenv.rig.errors import RigError
-from cutenv.rig.hardware import rig_plant
-from cutenv.rig.plant import RigPlant
+from cutenv.rig.plant import RigPlant, rig_plant
 from cutenv.rig.safety.stop_causes import ENDS_SESSION, Cause, RigStopped
 from cutenv.rig.spine_process import (
     COMMAND,

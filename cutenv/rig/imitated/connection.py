@@ -25,7 +25,7 @@ from cutenv.rig.devices.host import FakeClock, undisturbed
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import AutomaticOperator, Operator, TerminalOperator
 from cutenv.rig.operation.preflight import SETTLE
-from cutenv.rig.plant import RigPlant
+from cutenv.rig.plant import RigPlant, rig_plant
 from cutenv.rig.plugins.slow_profile import grbl_settings, slow_settings
 from cutenv.rig.safety.oversight import guarded
 from cutenv.rig.toml_file import read_rig_file
@@ -67,8 +67,6 @@ def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connectio
             fake = FakeRig(AirPlant, fake_settings(name=FAKE), clock=clock)
             settings, plant = fake.settings, fake.plant
         else:
-            from cutenv.rig.hardware import rig_plant
-
             if rig in EMULATED:
                 from cutenv.rig.imitated.emulator.process import start
 

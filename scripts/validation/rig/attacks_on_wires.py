@@ -15,7 +15,7 @@ from typing import Any
 from cutenv.rig.devices.canopen.network import Socketcand
 from cutenv.rig.devices.netft_sensor import RdtCommand, request_bytes
 from cutenv.rig.errors import RigError
-from cutenv.rig.hardware import rig_plant
+from cutenv.rig.plant import rig_plant
 from scripts.validation.rig.attack_scene import Attack, Scene, named
 
 

@@ -9,11 +9,11 @@ from cutenv.envs.rig_source import EmulatedSpecimens
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.host import SystemClock
 from cutenv.rig.errors import RigError
-from cutenv.rig.hardware import rig_plant
 from cutenv.rig.imitated.emulator.control import EmulatorControl
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.preflight import SETTLE, return_inside
 from cutenv.rig.operation.session import RigSession, SpecimenKey
+from cutenv.rig.plant import rig_plant
 from cutenv.rig.safety.stop_causes import RigStopped, StopReport
 from cutenv.sim.tissue.specimen import Specimen
 
