@@ -18,8 +18,7 @@ from cutenv.display.viewer.views import tint
 from cutenv.display.viewer.window import Window
 from cutenv.people.play import play_window
 from cutenv.people.play.devices import GamepadDevice, HandMotion, MouseDevice, ScriptedDevice
-from cutenv.people.play.overlays import fault_lines
-from cutenv.people.play.picture import LAYOUT, PlayPicture
+from cutenv.people.play.picture import LAYOUT, PlayPicture, fault_lines
 from cutenv.people.play.play_session import GIVEN_UP, Session, SessionPlan, ViewState
 from cutenv.people.play.play_window import PlayWindow
 from cutenv.records import load_one
