@@ -88,7 +88,7 @@ def _number_of_cores(text: str) -> int:
 
 
 def cores() -> int:
-    """Return the number of threads in use."""
+    """Return the number of threads that batches use."""
     return _cores
 
 

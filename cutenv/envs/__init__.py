@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from cutenv._base.imports import import_when_used
 
 if TYPE_CHECKING:
-    from cutenv._engine.parallel import set_cores
+    from cutenv._engine.parallel import cores, set_cores
     from cutenv.envs.depth_cut import DepthCutEnv, DepthCutVectorEnv
     from cutenv.envs.gentle_cut import GentleCutEnv
     from cutenv.envs.path_cut import PathCutEnv, PathCutVectorEnv
@@ -33,6 +33,7 @@ __all__ = [
     "RigDepthCutEnv",
     "RigPathCutEnv",
     "SharedControl",
+    "cores",
     "set_cores",
 ]
 
@@ -50,6 +51,7 @@ __getattr__ = import_when_used(
         "RigDepthCutEnv": "cutenv.envs.rig_cut",
         "RigPathCutEnv": "cutenv.envs.rig_cut",
         "SharedControl": "cutenv.envs.shared_control",
+        "cores": "cutenv._engine.parallel",
         "set_cores": "cutenv._engine.parallel",
     },
 )

@@ -15,7 +15,7 @@ import time
 from collections.abc import Mapping, Sequence
 from types import FrameType
 
-from cutenv._engine.parallel import cores
+from cutenv.envs import cores
 
 _PROGRESS = re.compile(r"(?P<step>[^:]+): +(?P<share>\d+)%\|.*?(?:, (?P<shown>return .*))?\]$")
 _QUIET = 20.0  # seconds between lines of progress where no terminal shows them in place
