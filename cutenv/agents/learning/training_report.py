@@ -280,8 +280,8 @@ def compare(
     own = {name: one for name, one in contestants.items() if baselines_of is None or name in learned}
     rows = evaluate(own, seeds, shared, processes=processes)
     if baselines_of is not None:
-        others = {name: seeds[: one.specimens] for name, one in contestants.items() if name not in own}
-        rows += known_rows(baselines_of / "scores.csv", others)
+        known = {name: seeds[: one.specimens] for name, one in contestants.items() if name not in own}
+        rows += known_rows(baselines_of / "scores.csv", known)
     write_csv(run / "scores.csv", rows)
     summary = summarise(rows)
     write_csv(run / "summary.csv", summary)
