@@ -522,13 +522,13 @@ def made_folder(option: str, folder: Path) -> Path:
     OSError
         If it cannot be made, or nothing can be written there.
     """
-    check_beginning(option, folder)
+    check_place(option, folder)
     folder.mkdir(parents=True, exist_ok=True)
     check_writable(option, folder)
     return folder
 
 
-def check_beginning(option: str, folder: Path) -> None:
+def check_place(option: str, folder: Path) -> None:
     """Raise unless a folder could be made here; make none.
 
     Raises

@@ -17,8 +17,8 @@ from cutenv.commands.options import (
     add_target_length,
     add_task,
     add_tissue,
-    check_beginning,
     check_line,
+    check_place,
     command_parser,
     drawn_given,
     made_place,
@@ -70,7 +70,7 @@ def main(argv: Sequence[str]) -> int:
         if arguments.picture.suffix.lower() != ".png":
             raise ValueError(f"--picture {arguments.picture} is no PNG. Give a name that ends in .png.")
         made_place("--picture", arguments.picture)
-    check_beginning("--out", arguments.out)  # made when everything else is known to be right
+    check_place("--out", arguments.out)  # made when everything else is known to be right
     agent = _agent_of(arguments)
     axes = None if arguments.axes is None else HandleAxes.parse(arguments.axes)
     open_display()  # before what takes half a minute where it has to be compiled

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cutenv._base.arrays import Array
-from cutenv._base.table import aligned
+from cutenv._base.result_table import aligned
 from cutenv._base.validation import parameter_table
 from cutenv.agents.sim_to_real.axis_response import (
     ForceDelay,

@@ -15,7 +15,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-from cutenv._base.table import aligned
+from cutenv._base.result_table import aligned
 from cutenv.commands.options import RIG, command_parser
 from cutenv.commands.rig import reports_rig_errors
 from cutenv.rig.config.settings import EMULATED, FAKE, Axis, RigSettings, SensorSettings

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 from cutenv._base.document import render
 from cutenv._base.language_files import ENGLISH, languages, local_date, local_number, phrases_from_english
 from cutenv._base.output import atomic_write
-from cutenv._base.table import Reason
+from cutenv._base.result_table import Reason
 from cutenv.sim.quantities import ANGLE_TOLERANCE, FORCE_ALLOWED, LAG_ALLOWED, TIP_TOLERANCE
 from cutenv.task.registry import TASKS
 from cutenv.task.reward import REWARD, RewardWeights

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.stats import norm
 
-from cutenv._base.table import Reason, Row, Table
+from cutenv._base.result_table import Reason, ResultRow, ResultTable
 from cutenv.display.report.page import (
     PHONE_WIDTH,
     label,
@@ -135,38 +135,38 @@ def write_people(path: Path, setting: StandardSetting) -> None:
     write_table(path, rows)
 
 
-def marks_table(setting: StandardSetting, standard: Standard) -> Table:
+def marks_table(setting: StandardSetting, standard: Standard) -> ResultTable:
     """Return a row for each method of finding a mark; marked: that of proficiency."""
     rows = []
     for method, found in standard.marks.items():
         name = method_name(setting, standard, method)
         if isinstance(found, NotEstimable):
-            rows.append(Row(name, [Reason(f"no evidence: {found.reason}"), *[""] * 4]))
+            rows.append(ResultRow(name, [Reason(f"no evidence: {found.reason}"), *[""] * 4]))
             continue
         cells = [mark_text(standard, found.mark)]
         for rate in (found.false_passes, found.false_fails):
             cells += [observed_text(rate), theory_text(rate)]
-        rows.append(Row(name, cells, found is standard.chosen))
+        rows.append(ResultRow(name, cells, found is standard.chosen))
     unit = f" [{in_print(standard)[1]}]" if in_print(standard)[1] else ""
     errors = (f"false {error}, {how}" for error in ("passes", "fails") for how in ("observed", "in theory"))
     caption = f"Pass marks of {spoken(standard.metric)}{unit}, 95 % intervals over people"
-    return Table(caption, ["method", "mark", *errors], rows)
+    return ResultTable(caption, ["method", "mark", *errors], rows)
 
 
-def people_table(setting: StandardSetting, standard: Standard) -> Table:
+def proficiency_table(setting: StandardSetting, standard: Standard) -> ResultTable:
     """Return a row for each person: mean, passes, proficiency."""
     rows = []
     for operator, own in standard.proficiency.items():
         mean = amount(standard, float(standard.series[operator].mean()))
         group = [setting.group_of[operator]] if setting.passing else []
         counts = [f"{own.passes} of {own.cuts}", str(own.longest), str(own.reached_at or "no")]
-        rows.append(Row(operator, [*group, mean, *counts]))
+        rows.append(ResultRow(operator, [*group, mean, *counts]))
     heads = ["person", *(["group"] if setting.passing else []), "mean", "passes", "longest row", "reached at cut"]
     caption = "Mean of the cuts, passes, longest row of passes, and the cut after which proficiency was reached"
-    return Table(caption, heads, rows)
+    return ResultTable(caption, heads, rows)
 
 
-def rater_table(setting: StandardSetting, rater: str) -> Table:
+def rater_table(setting: StandardSetting, rater: str) -> ResultTable:
     """Return each metric's correlation with a rater's marks."""
     rows = []
     for standard in setting.standards:
@@ -175,9 +175,9 @@ def rater_table(setting: StandardSetting, rater: str) -> Table:
             cells = [Reason(f"no evidence: {found.reason}"), "", ""]
         else:
             cells = [correlation_text(found.rank), correlation_text(found.linear), str(found.cuts)]
-        rows.append(Row(heading_of(standard), cells))
+        rows.append(ResultRow(heading_of(standard), cells))
     heads = ["metric", "in ranks (Spearman)", "linear (Pearson)", "cuts"]
-    return Table(f"Correlation with the marks of {rater}, 95 % intervals over people", heads, rows)
+    return ResultTable(f"Correlation with the marks of {rater}, 95 % intervals over people", heads, rows)
 
 
 def write_pass_marks(path: Path, setting: StandardSetting) -> None:
@@ -423,7 +423,7 @@ def write_pass_mark_page(
         meaning=_meaning,
         heading_of=heading_of,
         marks_table=marks_table,
-        people_table=people_table,
+        proficiency_table=proficiency_table,
         rater_table=rater_table,
         warnings=_warnings,
         who_reaches=partial(_who_reaches, setting),

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cutenv._base.table import Heading, Reason, Row, Table
+from cutenv._base.result_table import ColumnHead, Reason, ResultRow, ResultTable
 from cutenv._base.unit_table import Unit, shown_unit
 from cutenv.display.report.page import (
     PHONE_WIDTH,
@@ -83,38 +83,40 @@ def table_lines(study: Study) -> list[str]:
     return [*lines, "", *(f"note: {note}" for note in (*notes, DISCLAIMER))]
 
 
-def means_table(study: Study) -> Table:
+def means_table(study: Study) -> ResultTable:
     """Return means and spread of every metric."""
     groups = _groups(study) if study.groups else []
     heads = ["metric", "mean", *groups, f"SD between {study.who}s", f"SD within {_an(study.who)}", "cuts"]
-    rows = [Row(heading_of(found), _means_and_spread(study, groups, found)) for found in study.findings]
-    return Table(f"Means over {study.who}s, each counting the same; and spread", heads, rows)
+    rows = [ResultRow(heading_of(found), _means_and_spread(study, groups, found)) for found in study.findings]
+    return ResultTable(f"Means over {study.who}s, each counting the same; and spread", heads, rows)
 
 
-def separation_table(study: Study) -> Table:
+def separation_table(study: Study) -> ResultTable:
     """Return how two groups differ, by metric; marked where the interval of P excludes 0.5."""
     assert study.groups is not None
     first, second = study.groups
-    rows = [Row(heading_of(found), statistic_cells(found.separation, 2), _apart(found)) for found in study.findings]
-    return Table(f"{first} against {second}", ["metric", f"P({first} larger than {second})", "Hedges' g"], rows)
+    rows = [
+        ResultRow(heading_of(found), statistic_cells(found.separation, 2), _apart(found)) for found in study.findings
+    ]
+    return ResultTable(f"{first} against {second}", ["metric", f"P({first} larger than {second})", "Hedges' g"], rows)
 
 
-def reliability_table(study: Study) -> Table:
+def reliability_table(study: Study) -> ResultTable:
     """Return intraclass correlations of every metric, also of sessions if there are several."""
     retested = _retested(study)
     heads = ["metric", "one cut", f"mean of {_an(study.who)}'s cuts", "cuts for 0.8"]
     heads += ["sessions, agreement", "sessions, consistency"] * retested
     rows = [
-        Row(
+        ResultRow(
             heading_of(found),
             statistic_cells(found.reliability, 3) + (statistic_cells(found.retest, 2) if retested else []),
         )
         for found in study.findings
     ]
-    return Table("Intraclass correlations, in brackets 95 % intervals", heads, rows)
+    return ResultTable("Intraclass correlations, in brackets 95 % intervals", heads, rows)
 
 
-def people_table(study: Study, found: Findings) -> Table:
+def people_table(study: Study, found: Findings) -> ResultTable:
     """Return a metric of every person: cuts, mean, SD, first, last, signals."""
     sums = found.cusums if isinstance(found.cusums, Mapping) else {}
     rows = []
@@ -130,17 +132,17 @@ def people_table(study: Study, found: Findings) -> Table:
             "" if cusum is None else str(cusum.reached_at or "no"),
             "" if cusum is None else str(cusum.left_at or "no"),
         ]
-        rows.append(Row(operator, cells))
+        rows.append(ResultRow(operator, cells))
     unit = f" [{in_print(found)[1]}]" if in_print(found)[1] else ""
     signals = "number of the cut at which the sums signal that the target is reached, or left again"
     heads = [study.who, *(["group"] if study.groups else []), "cuts", "mean", "SD", "first", "last", "reached", "left"]
-    return Table(f"{spoken(found.metric)}{unit}. Reached, left: {signals}", heads, rows)
+    return ResultTable(f"{spoken(found.metric)}{unit}. Reached, left: {signals}", heads, rows)
 
 
 class CrossedConditions(NamedTuple):
     """Crossover's table, its two conditions, and who began with which."""
 
-    table: Table
+    table: ResultTable
     conditions: tuple[str, str]
     orders: str
 
@@ -161,17 +163,17 @@ def crossed_conditions(study: Study) -> CrossedConditions | None:
         unit = shown_unit(study.cuts[0].card.unit(metric)) if metric in METRICS else Unit("1", "1")
         heading = spoken(metric) if unit.sign == "1" else (spoken(metric), typeset(unit.sign))
         if isinstance(each, NotEstimable):
-            rows.append(Row(heading, [Reason(each.reason), "", ""]))
+            rows.append(ResultRow(heading, [Reason(each.reason), "", ""]))
             continue
         orders = _orders_of(each)
         cells = [_in_unit(estimate, unit) for estimate in (each.difference, each.order, each.carry_over)]
-        rows.append(Row(heading, cells, _excludes_zero(each.difference)))
+        rows.append(ResultRow(heading, cells, _excludes_zero(each.difference)))
     caption = f"{first} minus {second}, within {study.who}s; 95 % intervals"
-    table = Table(caption, ["metric", "difference", "second half minus first", "orders apart"], rows)
+    table = ResultTable(caption, ["metric", "difference", "second half minus first", "orders apart"], rows)
     return CrossedConditions(table, (first, second), orders)
 
 
-def heading_of(found: Findings | Standard) -> Heading:
+def heading_of(found: Findings | Standard) -> ColumnHead:
     """Return a metric's name, with any unit."""
     unit = in_print(found)[1]
     return (spoken(found.metric), unit) if unit else spoken(found.metric)

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from cutenv._base.table import Table
+from cutenv._base.result_table import ResultTable
 from cutenv.display.report.page import (
     LIMITS,
     MEANINGS,
@@ -152,7 +152,7 @@ def _left(result: TrainingResult) -> str:
     return f" On {most['cuts']:.0f} of them {bound}, {number(gap, 2)} more than the agent."
 
 
-def _comparison(result: TrainingResult) -> Table:
+def _comparison(result: TrainingResult) -> ResultTable:
     cuts = result.score(result.agent, "return")["cuts"]
     caption = f"Means over {cuts:.0f} held-out specimens, with 95 % intervals"
     return comparison_table(result.summary, result.columns, caption, result.agent)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv._base.arrays import StructArray
-from cutenv._base.table import Heading, Row, Table
+from cutenv._base.result_table import ColumnHead, ResultRow, ResultTable
 from cutenv._base.validation import array_in_range, in_range, one_of
 from cutenv.display.report.page import PHONE_WIDTH, estimate_text, label, new_figure, plain_axes, term_meanings
 from cutenv.sim.cutting.dtypes import READING
@@ -56,8 +56,8 @@ class Score:
         return 100.0 if self.unit in ("%", "percentage points") else 1.0
 
     @property
-    def head(self) -> Heading:
-        """Heading of its column."""
+    def head(self) -> ColumnHead:
+        """ColumnHead of its column."""
         return (self.heading, self.unit) if self.unit else self.heading
 
     def cell(self, row: Mapping[str, Any] | None) -> str:
@@ -95,23 +95,23 @@ def columns_of(task: RegisteredTask) -> tuple[Score, ...]:
 
 def comparison_table(
     summary: Sequence[Mapping[str, Any]], columns: Sequence[Score], caption: str = "", own: str = ""
-) -> Table:
+) -> ResultTable:
     """Return policies' scores with intervals, best return first; ``own`` is marked."""
     values = {(row["policy"], row["score"]): row for row in summary}
     policies = sorted(dict.fromkeys(policy for policy, _ in values), key=lambda name: -values[name, "return"]["mean"])
-    rows = [Row(p, [column.cell(values.get((p, column.name))) for column in columns], p == own) for p in policies]
-    return Table(caption, ["policy", *(column.head for column in columns)], rows)
+    rows = [ResultRow(p, [column.cell(values.get((p, column.name))) for column in columns], p == own) for p in policies]
+    return ResultTable(caption, ["policy", *(column.head for column in columns)], rows)
 
 
-def differences_table(paired: Sequence[Mapping[str, Any]], caption: str = "") -> Table:
+def differences_table(paired: Sequence[Mapping[str, Any]], caption: str = "") -> ResultTable:
     """Return a policy's paired differences from baselines, and whether it is better."""
     values = {(row["baseline"], row["score"]): row for row in paired}
     rows = []
     for baseline in dict.fromkeys(row["baseline"] for row in paired):
         cells = [column.cell(values.get((baseline, column.name))) for column in DIFFERENCES]
         found = values.get((baseline, "return"))
-        rows.append(Row(baseline, [*cells, "not compared" if found is None else _DECIDED[outcome(found)]]))
-    return Table(caption, ["baseline", *(column.head for column in DIFFERENCES), "by return"], rows)
+        rows.append(ResultRow(baseline, [*cells, "not compared" if found is None else _DECIDED[outcome(found)]]))
+    return ResultTable(caption, ["baseline", *(column.head for column in DIFFERENCES), "by return"], rows)
 
 
 _DECIDED = {"good": "better", "bad": "worse", "open": "undecided"}

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cutenv._base.table import aligned
+from cutenv._base.result_table import aligned
 from cutenv.records import ColumnMap, load_foreign
 from cutenv.records.measurement import Segment, loading_segments
 from cutenv.records.measurement.segments import STRAIGHT_RAMP

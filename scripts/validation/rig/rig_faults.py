@@ -34,7 +34,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from cutenv._base.table import aligned
+from cutenv._base.result_table import aligned
 from cutenv.rig.config.settings import EMULATOR
 from cutenv.rig.errors import RigError
 from cutenv.rig.imitated.emulator.process import RunningEmulator, start

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from cutenv._base.table import aligned
+from cutenv._base.result_table import aligned
 from scripts import ROOT
 from scripts.drawings.thesis import FIGURES, NOT_DRAWN, draw
 from scripts.validation.thesis import COMPARISONS, Comparison

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-Heading = str | tuple[str, str]
-"""Heading of a column or row: a text, or a text and a unit."""
+ColumnHead = str | tuple[str, str]
+"""ColumnHead of a column or row: a text, or a text and a unit."""
 
 
 class Reason(str):
@@ -18,30 +18,30 @@ class Reason(str):
     __slots__ = ()
 
 
-class Row(NamedTuple):
+class ResultRow(NamedTuple):
     """Row of a table; a marked one stands out on a page."""
 
-    heading: Heading
+    heading: ColumnHead
     cells: Sequence[str]
     marked: bool = False
 
 
-class Table(NamedTuple):
+class ResultTable(NamedTuple):
     """Table of a result.
 
     The first of the headings is that of the rows' headings.
     """
 
     caption: str
-    heads: Sequence[Heading]
-    rows: Sequence[Row]
+    heads: Sequence[ColumnHead]
+    rows: Sequence[ResultRow]
 
     def lines(self, *, right: bool = False) -> list[str]:
         """Return aligned lines of text, without the caption; cells at the left or the right of their columns."""
         return aligned([self.heads, *([row.heading, *row.cells] for row in self.rows)], right=right)
 
 
-def aligned(rows: Sequence[Sequence[Heading]], *, right: bool = False) -> list[str]:
+def aligned(rows: Sequence[Sequence[ColumnHead]], *, right: bool = False) -> list[str]:
     """Return rows of cells as lines whose columns are two spaces apart.
 
     The first column is at its left, the others at their left or right.
