@@ -1,4 +1,4 @@
-"""Tables of results: declared once, and rendered as text, as HTML by pages' templates, or as Markdown."""
+"""Tables of results: declared once, rendered as text, and as HTML by pages' templates."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 ColumnHead = str | tuple[str, str]
-"""ColumnHead of a column or row: a text, or a text and a unit."""
+"""Heading of a column or row: a text, or a text and a unit."""
 
 
 class Reason(str):
