@@ -112,7 +112,7 @@ def compare_task(run: Path, facts: Mapping[str, Any], *, processes: int | None =
         shared |= {**facts["simulated_rig"], "control_hz": arguments["control_hz"]}
     scripts = {name: Contestant(task.scripts[name]()) for name in task.scripts}
     few = TEST_SEEDS[: arguments["specimens"]]
-    planner = {ORACLE: Contestant(task.planner(), specimens=len(few[::_FEWER]))} if task.planner else {}
+    planner = {ORACLE: Contestant(task.planner(), specimens=max(len(few) // _FEWER, 2))} if task.planner else {}
     rows = evaluate({**learned, **scripts, **planner}, few, shared, processes=processes)
     write_csv(run / "scores.csv", rows)
     summary = summarise(rows)
@@ -274,7 +274,7 @@ def compare(
     contestants = {
         **{name: contestant(str(folder)) for name, folder in learned.items()},
         **{name: Contestant(make()) for name, make in BASELINES.items()},
-        ORACLE: Contestant(BASELINES[ORACLE](), specimens=len(seeds[::_FEWER])),
+        ORACLE: Contestant(BASELINES[ORACLE](), specimens=max(len(seeds) // _FEWER, 2)),
         "random": Contestant(RandomAction(), rate),  # at the agent's rate: rarer changes move the blade further
     }
     own = {name: one for name, one in contestants.items() if baselines_of is None or name in learned}

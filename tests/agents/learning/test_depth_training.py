@@ -101,7 +101,7 @@ def test_it_is_evaluated_with_policies_of_its_task_alone(finished, tmp_path):
     assert contestant(folder).arguments["task"] == contestant("depth by force").arguments["task"] == "depth"
     done = run("evaluate", tmp_path, folder, "hold one depth", "--specimens", "2")
     assert done.returncode == 0, done.stderr
-    assert "mean_error_mm" in done.stdout
+    assert "mean error of the depth [mm]" in done.stdout
     mixed = run("evaluate", tmp_path, folder, "return stroke", "--specimens", "2")
     assert mixed.returncode == 2
     assert "'return stroke' is for 'gentle'" in mixed.stderr

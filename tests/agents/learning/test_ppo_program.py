@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from program import SMALL, assert_training_goes_on, interrupted_at, rows, run, run_afresh
 
-from cutenv.agents.policy import BASELINES
+from cutenv.agents.policy import BASELINES, ORACLE
 from cutenv.agents.policy.features import feature_count
 
 stable_baselines3 = pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
@@ -44,7 +44,9 @@ def test_every_policy_met_the_same_specimens(finished):
     for row in scores:
         seeds[row["policy"]].append(row["seed"])
     assert set(seeds) == {"PPO", "PPO untrained", *BASELINES}
+    planned = seeds.pop(ORACLE)  # its cuts take long
     assert len({tuple(own) for own in seeds.values()}) == 1
+    assert planned == seeds["PPO"][: max(len(seeds["PPO"]) // 4, 2)]
 
 
 def test_agent_and_best_scripts_met_twenty_times_as_many(finished):
@@ -58,8 +60,10 @@ def test_agent_and_best_scripts_met_twenty_times_as_many(finished):
     assert not few & {row["seed"] for row in further}
     cuts = {(row["baseline"], row["score"]): float(row["cuts"]) for row in rows(run / "differences.csv")}
     assert {cuts[script, score] for script in scripts for score in ("return", "success")} == {20 * len(few)}
-    assert {count for (baseline, _), count in cuts.items() if baseline not in scripts} == {len(few)}
-    assert f"({' and '.join(scripts)}: on {20 * len(few)} specimens)" in printed
+    assert {count for (baseline, _), count in cuts.items() if baseline not in (*scripts, ORACLE)} == {len(few)}
+    planned = max(len(few) // 4, 2)
+    assert cuts[ORACLE, "return"] == planned
+    assert f"({' and '.join(scripts)}: on {20 * len(few)} specimens; {ORACLE}: on {planned})" in printed
 
 
 def test_it_is_told_when_the_agent_was_level_with_its_teacher_if_it_was(finished):
