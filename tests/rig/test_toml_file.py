@@ -333,7 +333,7 @@ def test_without_a_name_the_rig_is_called_as_its_file(tmp_path: Path) -> None:
     [
         ("mine.toml", "is there already, and is left"),
         ("rig.txt", "must end in .toml"),
-        ("gone/rig.toml", "No such file"),
+        ("gone/rig.toml", "gone. Make it, or give another place"),
     ],
 )
 def test_nothing_is_written_where_it_should_not_be(

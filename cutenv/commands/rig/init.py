@@ -8,7 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from cutenv._base import resources
-from cutenv.commands.options import command_parser, made_place, reports_errors
+from cutenv._base.output import check_writable
+from cutenv.commands.options import command_parser, reports_errors
 from cutenv.rig.config.settings import RigSettings, SensorSettings
 from cutenv.rig.plugins.bota_sensor import BotaOptions
 from cutenv.rig.plugins.robotiq_sensor import ROBOTIQ_RATE, RobotiqOptions
@@ -40,7 +41,9 @@ def main(argv: Sequence[str]) -> int:
         like = replace(like, limits=replace(slow_limits(ROBOTIQ_RATE), stale_motion=like.limits.stale_motion))
     if path.suffix != ".toml":
         raise ValueError(f"{path} must end in .toml.")
-    made_place("FILE", path)
+    if not path.parent.is_dir():
+        raise ValueError(f"{path}: there is no folder {path.parent}. Make it, or give another place.")
+    check_writable("FILE", path.parent)
     text = template(arguments.name or path.stem, like=like)
     try:
         with path.open("x", encoding="utf-8") as file:
