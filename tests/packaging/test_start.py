@@ -304,6 +304,8 @@ def test_arguments_are_passed_on_in_order(monkeypatch: pytest.MonkeyPatch) -> No
     assert became[0][1:] == ["-m", "cutenv", "train", "--quick", "--seed", "3"]
     assert became[1][1:] == ["-m", "pytest", "-n", "2", "--dist", "worksteal", "-k", "packaging", "tests/packaging"]
     assert became[2][1:] == ["-m", "scripts.long_checks", "--list"]
+    start.main(["train"])
+    assert became.pop()[3:] == ["train", "--timesteps", "3500000", "--task", "gentle", "excision"]
     start.main(["test", "--fast", "--since", "HEAD~1"])
     assert became[3][1:] == ["-m", "scripts.fast_tests", "--since", "HEAD~1"]
 

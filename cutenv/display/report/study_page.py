@@ -70,6 +70,9 @@ def table_lines(study: Study) -> list[str]:
         notes.insert(0, f"no reliability: {unknown.removeprefix('series: ')}")
     else:
         lines += ["", *reliability_table(study).lines()]
+    if len(study.sessions) > 1 and not _retested(study):
+        reasons = (found.retest.reason for found in study.findings if isinstance(found.retest, NotEstimable))
+        notes += [f"no reliability of sessions: {reason}" for reason in dict.fromkeys(reasons)]
     if study.groups is not None:
         words.append(_WORDS[1])
         nothing = shared_reason([found.separation for found in study.findings])
@@ -280,14 +283,14 @@ def cuts_needed(reliability: OneWay) -> str:
     return f"more than {_LONGEST}" if cuts > _LONGEST else str(max(1, math.ceil(cuts)))
 
 
-def statistic_cells(found: OneWay | Separation | Intraclass | NotEstimable, count: int) -> list[str]:
-    """Return ``count`` cells: a statistic's estimates, or why there are none.
+def statistic_cells(found: OneWay | Separation | Intraclass | NotEstimable, columns: int) -> list[str]:
+    """Return a cell for each of ``columns``: a statistic's estimates, or why there are none.
 
     Of reliability the correlation of one cut, of the mean, and the cuts needed for 0.8; of a separation superiority and
     difference; of sessions agreement and consistency.
     """
     if isinstance(found, NotEstimable):
-        return [Reason(found.reason), *[""] * (count - 1)]
+        return [Reason(found.reason), *[""] * (columns - 1)]
     if isinstance(found, Separation):
         return [interval_text(found.superiority), interval_text(found.difference)]
     if isinstance(found, Intraclass):

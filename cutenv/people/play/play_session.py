@@ -1,6 +1,6 @@
 """Session of cuts by one person, without a window.
 
-Specimens, countdown, 1 kHz by a given clock, record and score.  A listener may be told the cuts while they go on,
+Specimens, countdown, 1 kHz by a given clock, record and score.  A listener may follow the cuts while they go on,
 and a thread may run the session, so that devices that push do not wait for pictures.
 """
 

@@ -363,6 +363,14 @@ def test_one_person_in_a_group_gets_metrics_reasons_and_no_nan() -> None:
     assert "no difference of N and E: fewer than 2 operators in a group (1 and 1)" in said
 
 
+def test_sessions_without_a_reliability_are_said_with_the_reason() -> None:
+    cuts = [cut("P1", {"force_rate": 1.0 + k}, session=str(k)) for k in (0, 1)]
+    of = Study(name="two sessions", cuts=cuts, metrics=("force_rate",))
+    (found,) = of.findings
+    assert isinstance(found.retest, NotEstimable)
+    assert f"note: no reliability of sessions: {found.retest.reason}" in table_lines(of)
+
+
 def test_few_people_get_values_without_intervals_and_one_honest_word() -> None:
     cuts = [
         cut(f"{group}{i}", {"force_rate": 10.0 * (group == "N") + i + k}, group=group)
