@@ -35,10 +35,12 @@ class Message(NamedTuple):
     arbitration_id: int
     data: bytes
     is_extended_id: bool = False
+    is_error_frame: bool = False
+    is_remote_frame: bool = False
 
 
 class HandMovedNetwork(CanNetwork):
-    """The rig's own network but for its reader and its adapter.
+    """The rig's own network but for its adapter.
 
     Attributes
     ----------
@@ -57,17 +59,10 @@ class HandMovedNetwork(CanNetwork):
         self._coming: deque[tuple[float, Frame]] = deque()
 
     def _open(self) -> None:
-        self._bus, self._message, self.broken = self, Message, None
-        self._repeating = [
-            self._clock.every(self.settings.sync, lambda now: self._sync(), "SYNC"),
-            self._clock.every(self.settings.heartbeat, lambda now: self._beat(), "heartbeat"),
-            self._clock.every(TICK / 2, self._arrive, "reader"),
-        ]
+        self._use(self, Message)
 
-    def _close(self) -> None:
-        for repeating in self._repeating:
-            repeating.stop()
-        self._bus = None
+    def shutdown(self) -> None:
+        """As python-can's bus."""
 
     def send(self, message: Message, timeout: float) -> None:
         """As python-can's bus: to the drive."""
@@ -89,10 +84,12 @@ class HandMovedNetwork(CanNetwork):
         self.to_drive(Frame(number, data))
         self._coming.append((self._clock.now() + self.way, Frame(number, data)))
 
-    def _arrive(self, now: float) -> None:
-        while self._coming and self._coming[0][0] <= now + 1e-9:
-            frame = self._coming.popleft()[1]
-            self._handle(frame.identifier, frame.data)
+    def recv(self, timeout: float) -> Message | None:
+        """As python-can's bus: the next frame that has arrived."""
+        if not self._coming or self._coming[0][0] > self._clock.now() + 1e-9:
+            return None
+        frame = self._coming.popleft()[1]
+        return Message(frame.identifier, frame.data)
 
 
 class HandMovedSensor:

@@ -15,7 +15,7 @@ from cutenv.rig.config.settings import SensorSettings
 from cutenv.rig.devices.host import FakeClock, SystemClock
 from cutenv.rig.devices.netft_sensor import NetftSensor, SensorPacket, SensorStatus, packet_bytes
 from cutenv.rig.devices.protocols import ForceDriver
-from cutenv.rig.devices.reading_stream import STEADY_FORCE
+from cutenv.rig.devices.reading_stream import STEADY_FORCE, SampleClock
 from cutenv.rig.errors import RigError
 from cutenv.rig.imitated.emulator.sensor_server import SensorPage, SensorServer
 
@@ -186,8 +186,9 @@ def test_a_silence_is_silent_and_its_length_counted_as_lost(server):
 
 
 def test_what_comes_later_than_usual_shows_as_lateness(server):
-    clock = FakeClock()
-    with streaming(server, clock) as (sensor, kept):
+    with streaming(server) as (sensor, kept):
+        clock = sensor._clock = FakeClock(time.monotonic())  # which dates what the loop reads
+        sensor._arrivals = SampleClock(sensor.rate)
 
         def pass_on(pause):
             clock.sleep_until(clock.now() + pause)
@@ -329,7 +330,7 @@ def test_close_stops_the_stream_and_may_be_called_twice_and_open_again(server):
         sensor.close()
         sensor.close()
         wait_for(lambda: server.clients == 0)
-        assert not [thread for thread in threading.enumerate() if thread.name == "force sensor"]
+        assert not [thread for thread in threading.enumerate() if thread.name == "rig loop"]
         feed, again = Feed(server), Kept()
         sensor.open(again)
         feed.close()
@@ -350,14 +351,14 @@ def test_it_can_be_closed_from_its_own_thread(server):
     assert len(kept.samples) == 20
 
 
-def test_a_tare_from_its_own_thread_is_refused_instead_of_waiting_for_ever(server):
+def test_a_tare_from_its_own_thread_fails_instead_of_waiting_for_ever(server):
     refused = []
 
     class Taring(Kept):
         def force(self, sample):
             super().force(sample)
             if len(self.samples) == 5:
-                with pytest.raises(RigError, match="while one is being passed on"):
+                with pytest.raises(RigError, match="Only 0 of 200 readings"):
                     sensor.tare()
                 refused.append(True)
 

@@ -13,7 +13,7 @@ from typing import ClassVar
 
 from cutenv._base.validation import in_range
 from cutenv.rig.config.settings import Axis
-from cutenv.rig.devices.host import Clock
+from cutenv.rig.devices.host import READ_EVERY, Clock, Repeating
 from cutenv.rig.devices.protocols import DriveState, Event, ForceListener, ForceSample, Latch, MotionListener
 from cutenv.rig.devices.reading_stream import ReadingMean, ReadingStream, Zero
 from cutenv.rig.errors import RigError
@@ -271,15 +271,12 @@ class StreamedSensor(ABC):
 
     name: str
     """Name of the sensor, for messages."""
-    join_limit: ClassVar[float] = 1.0
-    """Time for the receiving thread to end [s]."""
 
     def __init__(self, clock: Clock, rate: float, *, rate_error: float, axes: str = "xyz") -> None:
         self.rate, self.rate_error, self.axes = rate, rate_error, axes
         self._clock = clock
         self._listener: ForceListener | None = None
-        self._thread: threading.Thread | None = None
-        self._closing = threading.Event()
+        self._receiving: Repeating | None = None
         self._changed = threading.Condition()
         self._taring = threading.Lock()
         self._mean: ReadingMean | None = None  # while a tare is taken
@@ -355,8 +352,6 @@ class StreamedSensor(ABC):
         mean = ReadingMean(samples)
         if self._listener is None:
             raise RigError(f"The {self.name} is not open.")
-        if self._thread is threading.current_thread():
-            raise RigError("A tare waits for readings, and cannot be taken while one is being passed on.")
         with self._taring:
             self._mean = mean
             try:
@@ -373,18 +368,15 @@ class StreamedSensor(ABC):
 
     # Readings
 
-    def _start(self, receive: Callable[[threading.Event], None]) -> None:
-        """Call ``receive`` in its own thread, with the ending event."""
-        self._closing = threading.Event()
-        self._thread = threading.Thread(target=receive, args=(self._closing,), name="force sensor", daemon=True)
-        self._thread.start()
+    def _start(self, receive: Callable[[], None]) -> None:
+        """Have the loop call ``receive``, which passes on what has arrived, and never waits."""
+        self._receiving = self._clock.every(READ_EVERY, lambda now: receive(), self.name)
 
     def _stop(self) -> None:
-        """End that thread."""
-        thread, self._thread = self._thread, None
-        self._closing.set()
-        if thread is not None and thread is not threading.current_thread():
-            thread.join(timeout=self.join_limit)
+        """End that."""
+        receiving, self._receiving = self._receiving, None
+        if receiving is not None:
+            receiving.stop()
 
     def _comes(self, limit: float) -> bool:
         """Wait for a reading or a failure; return whether a reading came."""

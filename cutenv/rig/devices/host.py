@@ -27,6 +27,10 @@ _log = logging.getLogger(__name__)
 _FINE = 0.0005  # [s] before the end, from which waiting goes on in short steps
 _SLEPT = 0.1  # [s] at a time, at most: a clock that jumps holds nobody up for longer
 _STEP = 0.001  # [s] step by which a fake clock moves while it waits
+READ_EVERY = 0.0005
+"""Period at which the loop reads what has arrived from bus and sensor [s]."""
+AT_ONCE = 64
+"""Reports that it reads from one device at a time, at most: others have to be judged as well."""
 
 
 class Repeating(Protocol):

@@ -1,6 +1,6 @@
 """Driver of a Net F/T force sensor, and its packets (RDT).
 
-It reads the sensor's settings page, streams readings over UDP in a thread, and tares them. RDT is a request of 8 bytes
+It reads the sensor's settings page, streams readings over UDP, and tares them. RDT is a request of 8 bytes
 and a record of 36, in network byte order.
 
 Source: ATI Industrial Automation, Network Force/Torque Sensor System, document 9620-05-NET FT, "UDP interface using
@@ -10,10 +10,8 @@ RDT"; bits of the status: Ethernet Axia, document 9610-05, table 4.7.
 from __future__ import annotations
 
 import contextlib
-import queue
 import socket
 import struct
-import threading
 import urllib.error
 import urllib.request
 import xml.etree.ElementTree as ET
@@ -25,7 +23,7 @@ from typing import NamedTuple, NoReturn
 from cutenv._base.validation import in_range
 from cutenv.rig.config.settings import SensorSettings
 from cutenv.rig.devices.driver_bases import FIRST_READING, StreamedSensor
-from cutenv.rig.devices.host import Clock
+from cutenv.rig.devices.host import AT_ONCE, Attempt, Clock
 from cutenv.rig.devices.reading_stream import LEAK, SEQUENCES, SampleClock, Zero
 from cutenv.rig.errors import RigError
 
@@ -243,23 +241,14 @@ def read_page(address: str, timeout: float = 3.0) -> Page:
     """
     if not address.startswith("http://"):
         raise RigError(f"sensor.page {address!r} must begin with http://, as http://192.168.1.1{SETTINGS_PATH} does.")
-    answer: queue.SimpleQueue[bytes | RigError] = queue.SimpleQueue()
-
-    def ask() -> None:
-        try:
-            answer.put(_fetch(address, timeout))
-        except RigError as error:
-            answer.put(error)
-
-    # In a thread, because urllib limits only each single wait: a byte now and then would keep it waiting for ever.
-    threading.Thread(target=ask, name="sensor's page", daemon=True).start()
-    try:
-        text = answer.get(timeout=timeout)
-    except queue.Empty:
-        raise RigError(f"The force sensor's page {address} did not come within {timeout:g} s. {_CURE}") from None
-    if isinstance(text, RigError):
-        raise text
-    return parse_page(text, address)
+    text: list[bytes] = []
+    # Apart, because urllib limits only each single wait: a byte now and then would keep it waiting for ever.
+    asking = Attempt(lambda: text.append(_fetch(address, timeout)), "sensor's page")
+    if not asking.ends(timeout):
+        raise RigError(f"The force sensor's page {address} did not come within {timeout:g} s. {_CURE}")
+    if asking.error is not None:
+        raise RigError(asking.error)
+    return parse_page(text[0], address)
 
 
 def parse_page(text: bytes, address: str = "netftapi2.xml") -> Page:
@@ -357,7 +346,6 @@ def _plain(unit: str) -> str:
     return "".join(letter for letter in unit.lower() if letter.isalpha())
 
 
-_POLL = 0.1  # [s] after which the thread checks whether it has to end
 _ASK_AGAIN = 0.5  # parts of a tare
 
 
@@ -410,7 +398,7 @@ class NetftSensor(StreamedSensor):
         :class:`cutenv.rig.devices.reading_stream.SampleClock`.
     """
 
-    name, join_limit = "force sensor", 10 * _POLL
+    name = "force sensor"
 
     def __init__(self, settings: SensorSettings, clock: Clock) -> None:
         self.page: Page | None = None
@@ -481,9 +469,9 @@ class NetftSensor(StreamedSensor):
         """Request a stream; return whether a reading arrived."""
         self._address = (socket.gethostbyname(self._settings.address), self._settings.port)
         opened = self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        opened.settimeout(_POLL)
+        opened.setblocking(False)
         opened.bind((self._own_address(), 0))  # a port of our own; packets from elsewhere are dropped
-        self._start(lambda closing: self._receive(opened, closing))
+        self._start(lambda: self._receive(opened))
         for _ in range(round(FIRST_READING / _ASK_AGAIN)):
             opened.sendto(request_bytes(RdtCommand.START), self._address)
             if self._comes(_ASK_AGAIN):
@@ -496,20 +484,19 @@ class NetftSensor(StreamedSensor):
             probe.connect(self._address)  # sends nothing
             return str(probe.getsockname()[0])
 
-    def _receive(self, opened: socket.socket, closing: threading.Event) -> None:
+    def _receive(self, opened: socket.socket) -> None:
+        """Pass on the packets that have arrived."""
         sensor, clock = self._address, self._clock
-        while not closing.is_set():
+        for _ in range(AT_ONCE):
             try:
                 packet, sender = opened.recvfrom(2048)
-            except TimeoutError:
-                continue
-            except (
-                ConnectionError
-            ):  # some systems report here that nobody listens there: the lack of readings is noticed
+            except BlockingIOError:
+                return
+            except ConnectionError:  # some systems report here that nobody listens there: readings are missed
                 continue
             except OSError as error:
-                if not closing.is_set():
-                    self.garbled(f"the network broke down: {error}", clock.now())
+                self.garbled(f"the network broke down: {error}", clock.now())
+                self._stop()
                 return
             now = clock.now()
             if sender != sensor:

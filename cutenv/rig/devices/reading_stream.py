@@ -152,7 +152,7 @@ class ReadingStream:
 class ReadingMean:
     """Mean of so many readings, and of its ten parts.
 
-    Updated in the sensor's thread.
+    Updated by the loop, awaited by another thread.
     """
 
     def __init__(self, samples: float) -> None:

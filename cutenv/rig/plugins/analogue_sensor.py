@@ -24,6 +24,7 @@ from cutenv._base.validation import check_parameters, in_range, one_of
 from cutenv.rig.config.settings import RigSettings, setting
 from cutenv.rig.devices.driver_bases import StreamedSensor
 from cutenv.rig.devices.driver_registry import Mounting, rig_driver
+from cutenv.rig.devices.host import Attempt
 from cutenv.rig.devices.reading_stream import LEAK, Zero
 from cutenv.rig.errors import RigError
 
@@ -356,6 +357,7 @@ class EmulatedBoard:
 CHANNEL_AT_END = 1
 """Status of a reading with a channel at an end of the converter's range: its load is unknown."""
 _OPENS_WITHIN = 3.0  # [s] for a board to convert the first reading
+_ENDS_WITHIN = 1.0  # [s] for a read that is under way
 _HERE = ("127.0.0.1", "localhost", "::1")
 
 
@@ -433,18 +435,22 @@ class AnalogueSensor(StreamedSensor):
         self.calibration = AnalogueCalibration.read(options.calibration)
         self._options = options
         self._board = board or _board_of(options)
+        self._closing = threading.Event()
+        self._reader: Attempt | None = None
         super().__init__(mounting.clock, mounting.settings.rate, rate_error=LEAK)
 
     def _connect(self) -> None:
         self._board.open(self.calibration, self.rate)
-        self._start(self._receive)
+        closing = self._closing = threading.Event()
+        self._reader = Attempt(lambda: self._receive(closing), self.name)  # apart: a board's library waits for scans
         if not self._comes(_OPENS_WITHIN) or self._broken:
             raise RigError(f"The analogue sensor does not read: {self._broken or 'no reading came'}")
 
     def _disconnect(self) -> None:
         self._closing.set()
         self._board.close()
-        self._stop()
+        if self._reader is not None:
+            self._reader.ends(_ENDS_WITHIN)
 
     def _begin_again(self) -> None:
         super()._begin_again()

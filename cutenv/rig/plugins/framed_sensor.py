@@ -1,12 +1,11 @@
 """Six-axis force sensor on a serial port.
 
-Frames by header and CRC, in step; reader thread, order of readings, tare.
+Frames by header and CRC, in step; order of readings, tare.
 """
 
 from __future__ import annotations
 
 import contextlib
-import threading
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple, Protocol
 
@@ -119,7 +118,7 @@ class FrameReader:
         self._skipped += place
 
 
-_READ = 0.1  # [s] after which the reader checks whether it has to end
+_READ = 0.1  # [s] for which an answer is awaited at a time
 _WRITE = 0.2  # [s] for the port to take a request
 _STAMPS = 2**32  # times of a sensor are counted modulo this [us]
 
@@ -187,10 +186,10 @@ class SensorLine:
         except OSError as error:
             raise RigError(f"the sensor at {self.port} cannot be reached: {error}") from None
 
-    def more(self) -> bytes:
-        """Wait a tenth of a second; return the bytes received."""
+    def more(self, least: int = 1) -> bytes:
+        """Return what has arrived; wait a tenth of a second for ``least`` bytes."""
         try:
-            return bytes(self._line.read(max(self._line.in_waiting, 1)))
+            return bytes(self._line.read(max(self._line.in_waiting, least)))
         except Exception as error:  # pyserial and the system raise many kinds
             raise RigError(f"the sensor at {self.port} cannot be read any more: {error}") from None
 
@@ -245,7 +244,8 @@ class FramedSensor(StreamedSensor):
     def _connect(self) -> None:
         line = self._line = SensorLine(self._port, self._protocol.baud, self._clock)
         self._told = self._protocol.begin(line, self.rate)
-        self._start(lambda closing: self._receive(line, closing))
+        reader = FrameReader(self._protocol.form)
+        self._start(lambda: self._receive(line, reader))
         if not self._comes(driver_bases.FIRST_READING):
             why = self._broken or f"no reading came within {driver_bases.FIRST_READING:g} s"
             raise RigError(f"The {self.name} at {self._port} does not read: {why}.")
@@ -277,23 +277,22 @@ class FramedSensor(StreamedSensor):
     def _meaning(self, status: int) -> str:
         return self._protocol.meaning(status)
 
-    def _receive(self, line: SensorLine, closing: threading.Event) -> None:
-        reader = FrameReader(self._protocol.form)
-        while not closing.is_set():
-            try:
-                read = line.more()
-            except RigError as error:
-                if not closing.is_set():
-                    self.garbled(str(error), self._clock.now())
-                    self._note(str(error))
-                return
-            now = self._clock.now()
-            for found in reader.take(read):
-                if isinstance(found, FrameError):
-                    self._damaged += 1
-                    self.garbled(str(found), now)
-                else:
-                    self._pass_on(*found, now)
+    def _receive(self, line: SensorLine, reader: FrameReader) -> None:
+        """Pass on the frames that have arrived."""
+        try:
+            read = line.more(0)
+        except RigError as error:
+            self._stop()
+            self.garbled(str(error), self._clock.now())
+            self._note(str(error))
+            return
+        now = self._clock.now()
+        for found in reader.take(read):
+            if isinstance(found, FrameError):
+                self._damaged += 1
+                self.garbled(str(found), now)
+            else:
+                self._pass_on(*found, now)
 
     def _pass_on(self, frame: SensorFrame, missed: int, now: float) -> None:
         """Pass on a frame, numbered by sensor time or missed frames."""

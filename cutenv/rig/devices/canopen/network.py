@@ -20,7 +20,7 @@ from typing import Any, Protocol
 from cutenv._base.validation import in_range, one_of
 from cutenv.rig.config.settings import Bus
 from cutenv.rig.devices.canopen.objects import HEARTBEAT_FRAME, NMT_FRAME, NMT_OPERATIONAL, SYNC_FRAME
-from cutenv.rig.devices.host import Clock, Repeating
+from cutenv.rig.devices.host import AT_ONCE, READ_EVERY, Clock, Repeating
 from cutenv.rig.devices.protocols import Latch
 from cutenv.rig.errors import RigError
 
@@ -258,7 +258,6 @@ _log = logging.getLogger(__name__)
 DRIVE_PATIENCE = 0.100
 """Time without this computer's heartbeat after which a drive stops by itself [s]."""
 _SEND_LIMIT = 0.02  # [s] for the bus to accept a frame
-_READ_LIMIT = 0.1  # [s] after which the reader checks whether it has to end
 _LISTENED = 0.15  # [s] before the first frame is sent: three heartbeats of another program like this one
 _FORGIVEN = 1.0  # [s] after which one answer to SYNC that was lost no longer counts
 _SDO_REQUESTS = range(0x601, 0x680)
@@ -324,11 +323,8 @@ class CanNetwork:
         self._handlers: dict[int, Handler] = {}
         self._joining = threading.Lock()
         self._sending = threading.Lock()
-        self._breaking = threading.Lock()
         self._bus: Any = None
         self._message: Any = None
-        self._reader: threading.Thread | None = None
-        self._ending = threading.Event()
         self._repeating: list[Repeating] = []
         self._syncs = 0
         self._answers: dict[int, int] = {}
@@ -361,7 +357,7 @@ class CanNetwork:
                     self._close()
 
     def listen(self, number: int, handler: Handler) -> None:
-        """Call ``handler(data, time)`` from the reader's thread for matching frames."""
+        """Call ``handler(data, time)`` from the loop for matching frames."""
         self._handlers[number] = handler
 
     def ignore(self, number: int) -> None:
@@ -432,17 +428,15 @@ class CanNetwork:
         except BaseException:
             bus.shutdown()
             raise
-        self._bus = bus
         import can
 
-        self._message = can.Message
-        self.broken = None
-        self._ending = threading.Event()
-        self._reader = threading.Thread(
-            target=self._read, args=(self._bus, self._ending), name="cutenv CAN reader", daemon=True
-        )
-        self._reader.start()
+        self._use(bus, can.Message)
+
+    def _use(self, bus: Any, message: Any) -> None:
+        """Read an open bus and send on it from now on; ``message`` makes a frame."""
+        self._bus, self._message, self.broken = bus, message, None
         self._repeating = [
+            self._clock.every(READ_EVERY, lambda now: self._read(bus), "cutenv CAN"),
             self._clock.every(self.settings.sync, lambda now: self._sync(), "cutenv SYNC"),
             self._clock.every(self.settings.heartbeat, lambda now: self._beat(), "cutenv heartbeat"),
         ]
@@ -475,9 +469,6 @@ class CanNetwork:
     def _close(self) -> None:
         for repeating in self._repeating:
             repeating.stop()
-        self._ending.set()
-        if self._reader is not None and self._reader is not threading.current_thread():
-            self._reader.join(timeout=1.0)
         bus, self._bus = self._bus, None
         try:
             bus.shutdown()
@@ -500,18 +491,20 @@ class CanNetwork:
             except RigError as error:  # the break itself informs the members
                 _log.warning("%s", error)
 
-    def _read(self, bus: Any, ending: threading.Event) -> None:
-        while not ending.is_set():
+    def _read(self, bus: Any) -> None:
+        """Handle the frames that have arrived; inform the members of a break, of which they take the first report."""
+        if self.broken is not None:
+            for member in tuple(self._members):
+                member.lost(self.broken, self._clock.now())
+        for _ in range(AT_ONCE):
             try:
-                message = bus.recv(_READ_LIMIT)
+                message = bus.recv(0.0)
             except Exception as error:  # python-can's interfaces raise what their libraries do
-                if not ending.is_set():
-                    self._break(f"nothing can be read any more: {_brief(error)}")
+                self._break(f"nothing can be read any more: {_brief(error)}")
                 return
             if message is None:
-                if self.broken is not None:
-                    ending.wait(_READ_LIMIT)  # a closed connection reads as nothing, immediately and for ever
-            elif message.is_error_frame:
+                return
+            if message.is_error_frame:
                 if message.arbitration_id & _BUS_OFF:
                     self._break("the adapter went bus-off: check wiring, termination and bit rate")
             elif not (message.is_remote_frame or message.is_extended_id):
@@ -525,24 +518,17 @@ class CanNetwork:
                 return
             for member in tuple(self._members):
                 member.overheard(number, data, self._clock.now())
-        except Exception as error:  # the reader must go on, for the other axis and to see the blade stop
+        except Exception as error:  # the others have to be handled, for the other axis and to see the blade stop
             _log.exception("frame 0x%03X could not be handled", number)
             self._break(f"frame 0x{number:03X} could not be handled: {error!r}")
 
     def _break(self, why: str) -> RigError:
-        """Tell members that the network is broken; return the error."""
-        with self._breaking:
-            first, self.broken = self.broken is None, self.broken or why
-        if first:
-            # From a separate thread: the sender may hold the very lock that a member needs to stop the blade.
-            threading.Thread(
-                target=self._tell, args=(why, self._clock.now()), name="cutenv CAN broken", daemon=True
-            ).start()
-        return RigError(f"the CAN bus ({self}) is broken: {why}.")
+        """Note that the network is broken; return the error.
 
-    def _tell(self, why: str, time: float) -> None:
-        for member in tuple(self._members):
-            member.lost(why, time)
+        The loop informs the members: the sender may hold the very lock that one of them needs to stop the blade.
+        """
+        self.broken = self.broken or why
+        return RigError(f"the CAN bus ({self}) is broken: {why}.")
 
 
 def _brief(error: Exception) -> str:

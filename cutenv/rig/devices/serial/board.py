@@ -1,6 +1,6 @@
 """Board on a serial port that axis and sensor share.
 
-Reader, sign of life, break of the line; lines ``TEXT*CRC``.
+Reading, sign of life, break of the line; lines ``TEXT*CRC``.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Callable
 from enum import IntEnum, IntFlag
 from typing import Any, NamedTuple, Protocol
 
-from cutenv.rig.devices.host import Clock, Repeating
+from cutenv.rig.devices.host import READ_EVERY, Clock, Repeating
 from cutenv.rig.devices.serial.ports import open_port, write_line
 from cutenv.rig.errors import RigError
 
@@ -164,7 +164,8 @@ BEAT = 0.025
 _ANSWER, _AGAIN = 0.6, 0.15  # [s] for an answer; [s] after which it is asked again
 _BOOT = 5.0  # [s] for a board that restarts when its port is opened
 _WRITE = 0.02  # [s] for the port to take a line
-_READ = 0.1  # [s] after which the reader checks whether it has to end
+_READ = 0.1  # [s] for a read, which waits for nothing
+_AT_ONCE = 4096  # [bytes] that are read at a time, at most: others have to be judged as well
 
 
 class BoardMember(Protocol):
@@ -175,7 +176,7 @@ class BoardMember(Protocol):
         ...
 
     def received(self, report: Report, time: float) -> None:
-        """Take a report that arrived at ``time`` [s], in the reader's thread."""
+        """Take a report that arrived at ``time`` [s], in the loop."""
         ...
 
     def garbled(self, why: str, time: float) -> None:
@@ -221,9 +222,8 @@ class SerialBoard:
         self._joining, self._sending = threading.Lock(), threading.Lock()
         self._changed = threading.Condition()
         self._line: Any = None
-        self._ending = threading.Event()
-        self._reader: threading.Thread | None = None
-        self._beat: Repeating | None = None
+        self._rest = b""  # of a line that has not ended
+        self._repeating: list[Repeating] = []
         self._answers: dict[type[Any], Report] = {}
 
     def join(self, member: BoardMember) -> BoardIdentity:
@@ -299,17 +299,14 @@ class SerialBoard:
     def _open(self) -> None:
         self._line = open_port(self.port, self._baud, read_limit=_READ)
         self.broken, self.identity, self.damaged = None, None, 0
-        self._ending = threading.Event()
-        self._reader = threading.Thread(
-            target=self._read, args=(self._line, self._ending), name="cutenv board reader", daemon=True
-        )
-        self._reader.start()
+        self._rest = b""
+        self._repeating = [self._clock.every(READ_EVERY, lambda now: self._read(), "cutenv board")]
         try:
             self.identity = self._identified()
         except BaseException:
             self._close()
             raise
-        self._beat = self._clock.every(BEAT, lambda now: self._live(), "cutenv board life")
+        self._repeating.append(self._clock.every(BEAT, lambda now: self._live(), "cutenv board life"))
 
     def _identified(self) -> BoardIdentity:
         """Ask the board's identity repeatedly, as it may be starting."""
@@ -333,13 +330,9 @@ class SerialBoard:
         return identity
 
     def _close(self) -> None:
-        if self._beat is not None:
-            self._beat.stop()
-            self._beat = None
-        self._ending.set()
+        while self._repeating:
+            self._repeating.pop().stop()
         line, self._line = self._line, None
-        if self._reader is not None and self._reader is not threading.current_thread():
-            self._reader.join(timeout=1.0)
         try:
             line.close()
         except Exception:  # the device is gone
@@ -353,20 +346,20 @@ class SerialBoard:
             except RigError as error:  # the break itself informs the members
                 _log.warning("%s", error)
 
-    def _read(self, line: Any, ending: threading.Event) -> None:
-        rest = b""
-        while not ending.is_set():
-            try:
-                read = line.read(max(line.in_waiting, 1))
-            except Exception as error:  # pyserial and the system raise many kinds
-                if not ending.is_set():
-                    self._break(f"nothing can be read any more: {error}")
-                return
-            *lines, rest = (rest + read).split(b"\n")
-            if len(rest) > LINE_LENGTH:
-                lines, rest = [*lines, rest], b""
-            for each in lines:
-                self._handle(each)
+    def _read(self) -> None:
+        """Handle the lines that have arrived; inform the members of a break, of which they take the first report."""
+        if (why := self.broken) is not None:
+            self._each(lambda member: member.lost(why, self._clock.now()))
+        try:
+            read = self._line.read(min(self._line.in_waiting, _AT_ONCE))
+        except Exception as error:  # pyserial and the system raise many kinds
+            self._break(f"nothing can be read any more: {error}")
+            return
+        *lines, self._rest = (self._rest + read).split(b"\n")
+        if len(self._rest) > LINE_LENGTH:
+            lines, self._rest = [*lines, self._rest], b""
+        for each in lines:
+            self._handle(each)
 
     def _handle(self, line: bytes) -> None:
         now = self._clock.now()
@@ -392,14 +385,11 @@ class SerialBoard:
                 self._break(f"a report could not be handled: {error!r}")
 
     def _break(self, why: str) -> RigError:
-        """Tell members that the line is broken; return the error."""
+        """Note that the line is broken; return the error.
+
+        The loop informs the members: the sender may hold the very lock that one of them needs to stop the blade.
+        """
         with self._changed:
-            first, self.broken = self.broken is None, self.broken or why
+            self.broken = self.broken or why
             self._changed.notify_all()
-        if first:
-            # From a separate thread: the sender may hold the very lock that a member needs to stop the blade.
-            now = self._clock.now()
-            threading.Thread(
-                target=self._each, args=(lambda member: member.lost(why, now),), name="board lost", daemon=True
-            ).start()
         return RigError(f"the board at {self.port} is lost: {why}.")
