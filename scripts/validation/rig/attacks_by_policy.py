@@ -54,6 +54,8 @@ class _Cut:
                 continue
             if not any(self.env.step([0.625, 1.0])[2] for _ in range(_GOOD)):
                 break
+        else:
+            raise RigError("the host has stopped each of its cuts")
         emulator = self.env._source.emulator
         assert emulator is not None
         self._control = emulator.control
