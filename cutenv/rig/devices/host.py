@@ -12,6 +12,7 @@ import gc
 import heapq
 import itertools
 import logging
+import math
 import os
 import sys
 import threading
@@ -105,7 +106,7 @@ class SystemClock:
         """
         turn = _Turn(period, action, name, self._left)
         with self._changed:
-            self._due.add(self.now() + period, turn)
+            self._due.add(_next(self.now(), period), turn)
             if self._thread is None:
                 self._thread = threading.Thread(target=self._run, name="rig loop", daemon=True)
                 self._thread.start()
@@ -131,7 +132,7 @@ class SystemClock:
                 self.failed(f"{turn.name} failed: {type(error).__name__}: {error}")
             with self._changed:
                 self._running = None
-                self._due.add(max(due + turn.period, self.now()), turn)
+                self._due.add(_next(max(due, self.now()), turn.period), turn)
                 self._changed.notify_all()
 
     def _left(self, turn: _Turn) -> None:
@@ -140,6 +141,11 @@ class SystemClock:
             if threading.current_thread() is not self._thread:
                 self._changed.wait_for(lambda: self._running is not turn, timeout=1.0)
             self._changed.notify_all()
+
+
+def _next(moment: float, period: float) -> float:
+    """Return the first multiple of a period after a moment [s]: actions that are due together cost one waking."""
+    return (math.floor(moment / period + 1e-3) + 1) * period
 
 
 class _Turn:
