@@ -7,11 +7,11 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 
+from cutenv.emulation.sensor_server import Loads, SensorServer
 from cutenv.rig.config.settings import SensorSettings
 from cutenv.rig.devices.host import Clock, SystemClock
 from cutenv.rig.devices.netft_sensor import NetftSensor
 from cutenv.rig.devices.protocols import ForceSample
-from cutenv.rig.imitated.emulator.sensor_server import Loads, SensorServer
 
 LOADS: Loads = (1.5, -2.25, 3.0, 0.1, -0.2, 0.3)
 

@@ -139,7 +139,7 @@ def _use_rigs() -> None:
     """Use the emulator in both directions, and fake rigs."""
     import numpy as np
 
-    from cutenv.rig.imitated.emulator.process import warm_up
+    from cutenv.emulation.process import warm_up
 
     for across in _ACROSS:
         warm_up(across=across)

@@ -55,7 +55,7 @@ from cutenv.task.reward import STOPPED, greatest_action
 from cutenv.task.stepper import assess_readings
 
 if TYPE_CHECKING:
-    from cutenv.rig.imitated.fake_rig import FakeRig
+    from cutenv.emulation.fake_rig import FakeRig
 
 
 _SAME_ANGLE = math.radians(0.5)

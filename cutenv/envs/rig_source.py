@@ -21,6 +21,7 @@ import cutenv
 from cutenv._base.arrays import StructArray
 from cutenv._base.imports import extra_named
 from cutenv._base.unit_table import NAMED_UNITS
+from cutenv.emulation.connection import operator_of, settings_of
 from cutenv.envs.constants import Constants
 from cutenv.records.appending import AppendingRecord, CutListener, RecordingFailed
 from cutenv.records.provenance import Provenance
@@ -39,7 +40,6 @@ from cutenv.rig.config.settings import (
 from cutenv.rig.contradictions import refuse_contradictions
 from cutenv.rig.devices.camera import CAMERA_NOTE, RigCamera
 from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.connection import operator_of, settings_of
 from cutenv.rig.operation.operator import AutomaticOperator, Operator
 from cutenv.rig.operation.session import RigSession, SpecimenKey, SpecimensByHand, recorded_channels, recorded_rows
 from cutenv.rig.plant import RigPlant, rig_plant
@@ -49,10 +49,10 @@ from cutenv.sim.cutting.drive import PDRig, Rig
 from cutenv.sim.tissue.grid import depth_below
 
 if TYPE_CHECKING:
-    from cutenv.rig.imitated.emulator.control import EmulatorControl
-    from cutenv.rig.imitated.emulator.process import RunningEmulator
-    from cutenv.rig.imitated.fake_benches import AirPlant
-    from cutenv.rig.imitated.fake_rig import FakeRig
+    from cutenv.emulation.control import EmulatorControl
+    from cutenv.emulation.fake_benches import AirPlant
+    from cutenv.emulation.fake_rig import FakeRig
+    from cutenv.emulation.process import RunningEmulator
     from cutenv.sim.tissue.layers import Layers
     from cutenv.sim.tissue.lines import CutLine
 
@@ -70,7 +70,7 @@ class FakeSpecimens:
 
     def mount(self, key: SpecimenKey) -> NDArray[np.float64] | None:
         """Mount a specimen; return None, as its depth is known."""
-        from cutenv.rig.imitated.fake_benches import SpecimenPlant, SteeredBench
+        from cutenv.emulation.fake_benches import SpecimenPlant, SteeredBench
 
         constants, drive = self._constants, self._constants.drive
         if key.specimen is None:
@@ -240,7 +240,7 @@ class RigSource:
         elif needs_axis == "side":
             self.settings.require_side_axis(by=by)
         if dry_run:
-            from cutenv.rig.imitated.fake_rig import FakeSensor
+            from cutenv.emulation.fake_rig import FakeSensor
 
             self._rig = FAKE
             self.settings = dataclasses.replace(
@@ -252,7 +252,7 @@ class RigSource:
             )
         if self._rig in EMULATED:
             with extra_named("rig"):  # fails now, not amid a session, for lack of a package
-                importlib.import_module("cutenv.rig.imitated.emulator.process")
+                importlib.import_module("cutenv.emulation.process")
         self.draws = self._rig in RIG_NAMES
         self._emulated = emulator_arguments(constants) if self._rig == EMULATOR else []
         if self._rig in EMULATED and self._rig != EMULATOR and (changed := changed_constants(constants)):
@@ -276,14 +276,14 @@ class RigSource:
     def session(self) -> RigSession:
         """Make the rig's session, which connects at its first cut."""
         if self._rig == FAKE:
-            from cutenv.rig.imitated.fake_rig import FakeRig
+            from cutenv.emulation.fake_rig import FakeRig
 
             self.fake = fake = FakeRig(_at_clamp, self.settings)
             operator = self._operator or AutomaticOperator(self.settings)
             self.supply = FakeSpecimens(fake, self._constants)
             return RigSession(fake.plant, operator, self.supply)
         if self._rig in EMULATED:
-            from cutenv.rig.imitated.emulator.process import start
+            from cutenv.emulation.process import start
 
             emulator = start(
                 free_air=True, across=tuple(self.settings.cross_axes), kind=self._rig,
@@ -393,6 +393,6 @@ def _forget(readings: StructArray) -> None:
 
 def _at_clamp(settings: RigSettings) -> AirPlant:
     """Return a fake rig's bench before a specimen is mounted."""
-    from cutenv.rig.imitated.fake_benches import AirPlant
+    from cutenv.emulation.fake_benches import AirPlant
 
     return AirPlant(settings, start=0.0)

@@ -5,11 +5,10 @@
 - :mod:`~cutenv.rig.plugins`: further drivers, and the conformance that anybody's driver is tried by;
 - :mod:`~cutenv.rig.operation`: operator, checks before motion, session and recorder;
 - :mod:`~cutenv.rig.config`: a rig's settings, calibrations and identified constants;
-- :mod:`~cutenv.rig.imitated`: the emulator on real wires and the fake in memory;
 - ``spine``, ``spine_process``, ``remote_spine``: the process of its own in which safety and drivers run.
 
-Where a blade moves, all but ``imitated`` and the drivers that the rig's file does not name has to be believed. Drivers
-and imitated rigs are loaded by name alone.
+Where a blade moves, all of it but the drivers that the rig's file does not name has to be believed. Emulated and fake
+rigs stand beside it, in :mod:`cutenv.emulation`, and are not known here.
 
 May import: vision, task, records, sim.
 """
@@ -18,6 +17,6 @@ from __future__ import annotations
 
 from cutenv._base.imports import import_when_used
 
-__all__ = ["config", "devices", "drivers", "imitated", "operation", "safety"]
+__all__ = ["config", "devices", "operation", "plugins", "safety"]
 
 __getattr__ = import_when_used(__name__, {}, __all__)

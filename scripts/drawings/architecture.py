@@ -36,8 +36,9 @@ ROWS = (
     (Wing(("people",), "cuts by hand: in a window, in a browser, in a class", "#5b7db1"),),
     (Wing(("agents",), "policies, learners, comparison of simulator and rig", "#3f8f6b"),),
     (Wing(("envs",), "Gymnasium environments", "#3f8f6b"),),
+    (Wing(("emulation",), "emulated rig on real wires, fake rig in memory", "#b5574a"),),
     (
-        Wing(("rig",), "safety, drivers, imitated rigs", "#b5574a"),
+        Wing(("rig",), "safety, drivers, operation", "#b5574a"),
         Wing(("display",), "pictures of a cut, report pages", "#8a6fb0"),
     ),
     (Wing(("vision",), "what cameras and X-rays saw of a cut", "#8a6fb0"),),

@@ -19,9 +19,9 @@ from packaging.requirements import Requirement
 from page_code import CONTRIBUTORS, DOCS, PAGES, ROOT, code_of
 
 from cutenv.commands import cli
+from cutenv.emulation.emulated_bench import FAULTS
 from cutenv.records import UNITS, load, load_operators
 from cutenv.rig.config.settings import HeightAxis, SafetyLimits, SideAxis
-from cutenv.rig.imitated.emulator.emulated_bench import FAULTS
 from cutenv.rig.safety.stop_causes import STILL
 from cutenv.task.reward import RewardWeights
 from scripts.documentation import api_pages

@@ -46,7 +46,7 @@ COMMANDS = {
     ),
     "rig emulate": (
         ["rig", "emulate", "--write", "LOCKED/e.toml"],
-        "cutenv.rig.imitated.emulator.process:serve",
+        "cutenv.emulation.process:serve",
     ),
     "rig init": (["rig", "init", "LOCKED/new/r.toml"], "cutenv.commands.rig.init:template"),
     "rig evaluate": (

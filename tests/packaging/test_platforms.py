@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from cutenv.emulation import process
 from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.emulator import process
 
 ROOT = Path(__file__).parents[2]
 PORTABLE = ROOT / "tests" / "portable.txt"

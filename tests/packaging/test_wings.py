@@ -32,6 +32,16 @@ def loaded_after(statements: str) -> set[str]:
     return set(run(f"import sys\n{statements}\nprint(*(name for name in sys.modules if name.startswith('cutenv')))"))
 
 
+FAKES = {"cutenv.emulation.fake_benches", "cutenv.emulation.fake_rig"}
+ANY_RIG = {"cutenv.emulation", "cutenv.emulation.connection", "cutenv.emulation.tissue_in_plane"}
+"""Modules of the emulation that are no part of the emulator, besides the fakes."""
+
+
+def imitations(loaded: set[str]) -> set[str]:
+    """Modules of the fakes and of the emulator."""
+    return {name for name in loaded if name.startswith("cutenv.emulation")} - ANY_RIG
+
+
 def modules_of_the_rig(loaded: set[str]) -> set[str]:
     return {name for name in loaded if name == "cutenv.rig" or name.startswith("cutenv.rig.")}
 
@@ -46,8 +56,8 @@ def layers() -> list[list[str]]:
 
 
 def test_the_first_level_of_the_package_is_the_layers_of_the_contract() -> None:
-    """Nine layers of packages that anybody imports; helpers and engine below them are private."""
-    assert sum(not row[0].startswith("_") for row in layers()) == 9
+    """Ten layers of packages that anybody imports; helpers and engine below them are private."""
+    assert sum(not row[0].startswith("_") for row in layers()) == 10
     names = {name for row in layers() for name in row}
     assert names == {path.parent.name for path in (ROOT / "cutenv").glob("*/__init__.py")}
     assert sorted(cutenv.WINGS) == sorted(name for name in names if not name.startswith("_"))
@@ -89,9 +99,8 @@ def test_identified_constants_are_read_when_they_are_asked_for() -> None:
 
 def test_a_fake_rig_loads_neither_drivers_nor_emulator() -> None:
     loaded = loaded_after("import gymnasium, cutenv\ngymnasium.make('cutenv/RigCut-v1', rig='fake').reset(seed=0)")
-    assert "cutenv.rig.imitated.fake_rig" in loaded
     assert not loaded & set(REAL)
-    assert not any(name.startswith("cutenv.rig.imitated.emulator") for name in loaded)
+    assert imitations(loaded) == FAKES
 
 
 def test_a_real_rig_loads_neither_fake_nor_emulator(tmp_path: Path) -> None:
@@ -102,17 +111,18 @@ def test_a_real_rig_loads_neither_fake_nor_emulator(tmp_path: Path) -> None:
     path.write_text(to_toml(settings), encoding="utf-8")
     loaded = loaded_after(f"import gymnasium, cutenv\ngymnasium.make('cutenv/RigCut-v1', rig={str(path)!r})")
     assert "cutenv.rig.plant" in loaded
-    assert not any(name.startswith(("cutenv.rig.imitated.fake", "cutenv.rig.imitated.emulator")) for name in loaded)
+    assert imitations(loaded) == set()
 
 
 def test_an_emulated_rig_loads_no_fake() -> None:
     loaded = loaded_after(
-        "import cutenv.rig.imitated.emulator.process, cutenv.rig.imitated.connection, cutenv.rig.plant\n"
+        "import cutenv.emulation.process, cutenv.emulation.connection, cutenv.rig.plant\n"
         "from cutenv.rig.devices.host import SystemClock\nfrom cutenv.rig.spine import mounted_spine\n"
         "from cutenv.rig.config.settings import RigSettings\nmounted_spine(RigSettings(), SystemClock())"
     )
     assert set(REAL) <= loaded
-    assert not any(name.startswith("cutenv.rig.imitated.fake") for name in loaded)
+    assert "cutenv.emulation.process" in loaded
+    assert not loaded & FAKES
 
 
 def test_the_spine_loads_no_plant_no_compiler_and_no_policy() -> None:
@@ -124,7 +134,7 @@ def test_the_spine_loads_no_plant_no_compiler_and_no_policy() -> None:
     ))  # fmt: skip
     assert set(REAL) <= loaded
     assert not {"numba", "llvmlite", "torch", "cutenv.rig.plant"} & loaded
-    unwanted = tuple(f"cutenv.{each}" for each in ("agents", "envs", "sim.plant", "rig.imitated"))
+    unwanted = tuple(f"cutenv.{each}" for each in ("agents", "envs", "sim.plant", "emulation"))
     assert [name for name in loaded if name.startswith(unwanted)] == []
 
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from cutenv.rig.imitated.emulator.firmware import EmulatedLine
+from cutenv.emulation.firmware import EmulatedLine
 
 LOADS = (3.0, -1.0, 2.0, 0.1, -0.05, 0.2)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
+from cutenv.emulation.fake_rig import FakeRig, fake_rig
 from cutenv.rig.config.settings import HEIGHT, RigSettings, fake_settings
-from cutenv.rig.imitated.fake_rig import FakeRig, fake_rig
 from cutenv.sim.tissue.specimen import Specimen
 
 SETTLE = 0.15  # [s]: every axis has sent samples and a heartbeat

@@ -8,8 +8,8 @@ from typing import Any
 
 from hypothesis import strategies as st
 
+from cutenv.emulation.canopen_rig import BLADE, HINGE
 from cutenv.rig.config.settings import Identified, RigSettings, SensorCalibration
-from cutenv.rig.imitated.emulator.canopen_rig import BLADE, HINGE
 
 PROFILE = ((0.0, 0.0081), (0.005, 0.0124), (0.15, 0.0175))
 USUAL = RigSettings(

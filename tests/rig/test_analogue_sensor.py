@@ -15,11 +15,11 @@ from nidaqmx.errors import DaqNotFoundError
 from waiting import until
 
 from cutenv._base import resources
+from cutenv.emulation.sensor_server import BoardServer
 from cutenv.rig.config.settings import SensorSettings, fake_settings
 from cutenv.rig.devices.driver_registry import Mounting
 from cutenv.rig.devices.host import SystemClock
 from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.emulator.sensor_server import BoardServer
 from cutenv.rig.plugins.analogue_sensor import (
     CHANNEL_AT_END,
     SHIPPED_CALIBRATION,

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from cutenv.emulation.firmware import CONVERTERS, HIGH_PIN, LOW_PIN, STOP_PIN, Firmware, compiled
 from cutenv.rig.devices.serial.board import (
     BoardFlag,
     BoardIdentity,
@@ -22,7 +23,6 @@ from cutenv.rig.devices.serial.board import (
     board_report,
 )
 from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.emulator.firmware import CONVERTERS, HIGH_PIN, LOW_PIN, STOP_PIN, Firmware, compiled
 
 SETUP = StepperSetup(acceleration=40_000, quick_stop=200_000, fastest=2_400, low=-800, high=59_600)
 SPEED = 2_000  # steps/s, 5 mm/s

@@ -11,11 +11,11 @@ import pytest
 
 from cutenv.commands import cli
 from cutenv.commands.rig.check import as_json, lines
+from cutenv.emulation.fake_benches import AirPlant
+from cutenv.emulation.fake_rig import FakeRig, Faults
+from cutenv.emulation.process import start
 from cutenv.rig.config.settings import fake_settings
 from cutenv.rig.devices.protocols import DriveState
-from cutenv.rig.imitated.emulator.process import start
-from cutenv.rig.imitated.fake_benches import AirPlant
-from cutenv.rig.imitated.fake_rig import FakeRig, Faults
 from cutenv.rig.operation.preflight import SETTLE, Inspection, inspect
 from cutenv.rig.plant import rig_plant
 from cutenv.rig.safety.stop_causes import Cause

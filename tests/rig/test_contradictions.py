@@ -16,13 +16,13 @@ from hypothesis import assume, example, given
 from hypothesis import settings as hypothesis_settings
 from made_up_settings import FREE, USUAL, with_surprises, with_value
 
+from cutenv.emulation.fake_benches import AirPlant, SpecimenPlant
+from cutenv.emulation.fake_rig import FakeRig, FakeSensor
+from cutenv.emulation.process import RunningEmulator, start
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.contradictions import contradictions
-from cutenv.rig.imitated.emulator.process import RunningEmulator, start
-from cutenv.rig.imitated.fake_benches import AirPlant, SpecimenPlant
-from cutenv.rig.imitated.fake_rig import FakeRig, FakeSensor
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.session import RigSession, SpecimenKey
 from cutenv.rig.safety.stop_causes import Cause, RigStopped

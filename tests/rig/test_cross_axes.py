@@ -13,12 +13,12 @@ import pytest
 from made_ready import SETTLE, height_settings, ready_rig, ready_to_descend, release
 from scripted_operator import ScriptedOperator
 
+from cutenv.emulation.fake_benches import AirPlant
+from cutenv.emulation.fake_rig import FakeRig, Faults
 from cutenv.rig.config.settings import SIDE, RigSettings, across, fake_settings
 from cutenv.rig.contradictions import refuse_contradictions
 from cutenv.rig.devices.protocols import DriveState
 from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.fake_benches import AirPlant
-from cutenv.rig.imitated.fake_rig import FakeRig, Faults
 from cutenv.rig.operation.preflight import moving_checks, prepare, relieve, return_inside, still_checks
 from cutenv.rig.operation.suitability import fits
 from cutenv.rig.safety.stop_causes import Cause, RigStopped, detection_times

@@ -9,12 +9,12 @@ from contextlib import closing
 import numpy as np
 import pytest
 
+from cutenv.emulation.process import start
 from cutenv.envs.path_cut import to_path_action
 from cutenv.envs.rig_cut import RigPathCutEnv
 from cutenv.envs.rig_source import EmulatedSpecimens
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.emulator.process import start
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.preflight import inspect
 from cutenv.rig.operation.session import RigSession, SpecimenKey

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from cutenv.commands.rig.emulate import _options, _parser
+from cutenv.emulation.mechanics import EmulatedTissue
 from cutenv.envs.constants import Constants
 from cutenv.envs.rig_source import emulator_arguments
 from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.emulator.mechanics import EmulatedTissue
 from cutenv.sim.cutting.dtypes import LawParameters
 from cutenv.sim.cutting.sensor import Sensor, SensorParameters
 from cutenv.sim.plant import SimulatedPlant

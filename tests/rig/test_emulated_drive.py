@@ -10,9 +10,9 @@ from hand_moved_drive import INCREMENT, MILLI_RPM_PER_M_S, SYNC, HandMovedDrive
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cutenv.rig.imitated.emulator.canopen_rig import BLADE, HINGE
-from cutenv.rig.imitated.emulator.hub import Frame
-from cutenv.rig.imitated.emulator.mechanics import (
+from cutenv.emulation.canopen_rig import BLADE, HINGE
+from cutenv.emulation.hub import Frame
+from cutenv.emulation.mechanics import (
     MODE_RAMP,
     MODE_VELOCITY,
     Mechanics,

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from sensor_stream import LOADS, Feed, wait_for
 
+from cutenv.emulation.sensor_server import SensorPage, SensorServer
 from cutenv.rig.devices.host import FakeClock
 from cutenv.rig.devices.netft_sensor import SensorPacket, SensorStatus, parse_packet
-from cutenv.rig.imitated.emulator.sensor_server import SensorPage, SensorServer
 
 START = bytes.fromhex("1234 0002 00000000")
 STOP = bytes.fromhex("1234 0000 00000000")

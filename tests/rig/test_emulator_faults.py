@@ -10,11 +10,11 @@ from collections.abc import Iterator
 import pytest
 from hand_moved_drive import INCREMENT, SYNC, HandMovedDrive
 
+from cutenv.emulation.canopen_rig import EmulatedRig, Options
+from cutenv.emulation.emulated_bench import FAULTS, parsed_fault
+from cutenv.emulation.mechanics import EmulatedTissue
 from cutenv.rig.config.settings import across
 from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.emulator.canopen_rig import EmulatedRig, Options
-from cutenv.rig.imitated.emulator.emulated_bench import FAULTS, parsed_fault
-from cutenv.rig.imitated.emulator.mechanics import EmulatedTissue
 
 
 class HandMovedRig(HandMovedDrive):

@@ -19,9 +19,9 @@ import pytest
 from waiting import until
 
 from cutenv.commands.cli import main
+from cutenv.emulation.control import EmulatorControl
+from cutenv.emulation.process import RunningEmulator, start
 from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.emulator.control import EmulatorControl
-from cutenv.rig.imitated.emulator.process import RunningEmulator, start
 
 PATIENCE = 10.0  # [s], far beyond what is needed
 
@@ -214,7 +214,7 @@ def test_it_ends_in_each_way_with_status_0(way):
 
 def test_it_ends_with_its_parent():
     script = (
-        "import os, time; from cutenv.rig.imitated.emulator.process import start\n"
+        "import os, time; from cutenv.emulation.process import start\n"
         "running = start(real_time=False); print(running.pid, flush=True); os._exit(1)"
     )
     ran = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=200)

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from made_ready import SETTLE, ready_rig
 
+from cutenv.emulation.fake_rig import FakeRig, Faults
 from cutenv.rig.devices.protocols import DriveState, ForceSample
 from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.fake_rig import FakeRig, Faults
 from cutenv.rig.safety.stop_causes import Cause, RigStopped, detection_times
 
 PERIOD = 20  # [ms]

@@ -14,11 +14,11 @@ from hand_moved_rig import HandMovedRig
 from made_ready import ready_rig
 from waiting import until
 
+from cutenv.emulation.fake_rig import FakeRig
 from cutenv.rig import spine
 from cutenv.rig.devices.host import SystemClock
 from cutenv.rig.devices.protocols import DriveState, ForceSample
 from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.fake_rig import FakeRig
 from cutenv.rig.safety.stop_causes import AGAIN, WITHHOLD_HEARTBEAT_AFTER, Cause, RigStopped
 
 UPRIGHT = math.pi / 2

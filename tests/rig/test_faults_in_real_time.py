@@ -20,9 +20,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cutenv.emulation.emulated_bench import FAULTS
+from cutenv.emulation.process import start
 from cutenv.records import load_one
-from cutenv.rig.imitated.emulator.emulated_bench import FAULTS
-from cutenv.rig.imitated.emulator.process import start
 from cutenv.rig.toml_file import to_toml
 from scripts.validation.rig import rig_faults, rig_trials
 from scripts.validation.rig.cross_trials import CROSS_FAULTS
@@ -193,7 +193,7 @@ CUT = """
 import sys
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.rig.safety.stop_causes import RigStopped
-from cutenv.rig.imitated.emulator.control import EmulatorControl
+from cutenv.emulation.control import EmulatorControl
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.toml_file import read_rig_file
 

@@ -17,11 +17,11 @@ from waiting import until
 
 from cutenv.commands import cli
 from cutenv.commands.rig.init import SENSORS
+from cutenv.emulation.process import RunningEmulator, start
 from cutenv.rig.config.settings import RigSettings, SafetyLimits, SensorCalibration
 from cutenv.rig.contradictions import refuse_contradictions
 from cutenv.rig.devices import Mounting, RigError, SystemClock
 from cutenv.rig.devices.driver_registry import mounted
-from cutenv.rig.imitated.emulator.process import RunningEmulator, start
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.preflight import prepare
 from cutenv.rig.plant import rig_plant

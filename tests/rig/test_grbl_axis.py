@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 from waiting import until
 
+from cutenv.emulation.firmware import EmulatedGrbl
+from cutenv.emulation.serial_rig import EmulatedSerialRig, SerialOptions
 from cutenv.rig.config.settings import RigSettings, SensorCalibration
 from cutenv.rig.contradictions import refuse_contradictions
 from cutenv.rig.devices import DriveState, Mounting, RigError, SystemClock
-from cutenv.rig.imitated.emulator.firmware import EmulatedGrbl
-from cutenv.rig.imitated.emulator.serial_rig import EmulatedSerialRig, SerialOptions
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.preflight import prepare
 from cutenv.rig.plant import rig_plant

@@ -11,9 +11,9 @@ import pytest
 
 from cutenv.agents.sim_to_real.identification import APPROACH, Plan, identification_from, perform
 from cutenv.commands import cli
+from cutenv.emulation.fake_benches import AirPlant
+from cutenv.emulation.fake_rig import FakeRig
 from cutenv.rig.config.settings import Identified, RigSettings, fake_settings
-from cutenv.rig.imitated.fake_benches import AirPlant
-from cutenv.rig.imitated.fake_rig import FakeRig
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.preflight import SETTLE, prepare
 from cutenv.rig.safety.stop_causes import Cause, RigStopped

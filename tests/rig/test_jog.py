@@ -17,9 +17,9 @@ import pytest
 
 from cutenv.commands import cli
 from cutenv.commands.rig.jog import TerminalKeys, terminal_keys
+from cutenv.emulation.fake_benches import AirPlant
+from cutenv.emulation.fake_rig import FakeRig
 from cutenv.rig.config.settings import HEIGHT, SIDE, fake_settings
-from cutenv.rig.imitated.fake_benches import AirPlant
-from cutenv.rig.imitated.fake_rig import FakeRig
 from cutenv.rig.operation.jogging import (
     HELD,
     JOG_TURN_RATE,

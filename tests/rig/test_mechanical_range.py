@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 
 from cutenv.commands import cli
+from cutenv.emulation.canopen_rig import RANGES, EmulatedRig, Options
+from cutenv.emulation.fake_benches import AirPlant
+from cutenv.emulation.fake_rig import FakeRig
+from cutenv.emulation.process import emulated_settings
 from cutenv.rig.config.settings import fake_settings
-from cutenv.rig.imitated.emulator.canopen_rig import RANGES, EmulatedRig, Options
-from cutenv.rig.imitated.emulator.process import emulated_settings
-from cutenv.rig.imitated.fake_benches import AirPlant
-from cutenv.rig.imitated.fake_rig import FakeRig
 from cutenv.rig.toml_file import read_rig_file, to_toml
 
 WIDE = RANGES["thesis"]

@@ -19,13 +19,13 @@ from made_ready import ready_rig, ready_to_descend
 from stage_in_memory import Judge, settings
 from waiting import until
 
+from cutenv.emulation.fake_rig import FakeRig
 from cutenv.rig.config.settings import Bus, fake_settings
 from cutenv.rig.devices.canopen.network import CanNetwork
 from cutenv.rig.devices.host import FakeClock, SystemClock
 from cutenv.rig.devices.protocols import DriveState, ForceSample, Latch, MotionSample, Phase
 from cutenv.rig.devices.serial.board import SerialBoard
 from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.fake_rig import FakeRig
 from cutenv.rig.remote_spine import RemoteSpine
 from cutenv.rig.safety.monitors import MotionMonitor
 from cutenv.rig.safety.stop_causes import Cause, StopReport

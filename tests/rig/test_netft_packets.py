@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cutenv.emulation.sensor_server import SensorPage, SensorServer
 from cutenv.rig.devices.netft_sensor import (
     LARGEST,
     PacketError,
@@ -26,7 +27,6 @@ from cutenv.rig.devices.netft_sensor import (
     status_meaning,
 )
 from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.emulator.sensor_server import SensorPage, SensorServer
 
 UNSIGNED = st.integers(0, 2**32 - 1)
 SIGNED = st.integers(-(2**31), 2**31 - 1)

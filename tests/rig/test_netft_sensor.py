@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from sensor_stream import LOADS, Feed, Kept, settings_of, settle, streaming, wait_for
 
+from cutenv.emulation.sensor_server import SensorPage, SensorServer
 from cutenv.rig.config.settings import SensorSettings
 from cutenv.rig.devices.host import FakeClock, SystemClock
 from cutenv.rig.devices.netft_sensor import NetftSensor, SensorPacket, SensorStatus, packet_bytes
 from cutenv.rig.devices.protocols import ForceDriver
 from cutenv.rig.devices.reading_stream import STEADY_FORCE, SampleClock
 from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.emulator.sensor_server import SensorPage, SensorServer
 
 COUNTS = (1_500_000, -2_250_000, 3_000_000, 100_000, -200_000, 300_000)
 

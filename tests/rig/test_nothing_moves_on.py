@@ -7,8 +7,8 @@ import math
 import pytest
 from made_ready import ready_rig
 
+from cutenv.emulation.fake_rig import FakeRig
 from cutenv.rig.devices.protocols import DriveState
-from cutenv.rig.imitated.fake_rig import FakeRig
 from cutenv.rig.safety.stop_causes import AGAIN, RESEND_STOP_AFTER, WITHHOLD_HEARTBEAT_AFTER, Cause, RigStopped
 
 UPRIGHT, LEANING = math.pi / 2, math.radians(60.0)

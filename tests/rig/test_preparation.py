@@ -9,13 +9,13 @@ from datetime import date, timedelta
 import pytest
 from scripted_operator import ScriptedOperator
 
+from cutenv.emulation.fake_benches import SpecimenPlant
+from cutenv.emulation.fake_rig import FakeRig, fake_rig
 from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.config.settings import SensorCalibration, SensorSettings, fake_settings
 from cutenv.rig.devices.host import FakeClock
 from cutenv.rig.devices.protocols import DriveState
 from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.fake_benches import SpecimenPlant
-from cutenv.rig.imitated.fake_rig import FakeRig, fake_rig
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.preflight import SETTLE, prepare
 from cutenv.rig.safety.stop_causes import Cause, RigStopped

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
+from cutenv.emulation.fake_rig import fake_rig
 from cutenv.rig.config.settings import SensorSettings, fake_settings
-from cutenv.rig.imitated.fake_rig import fake_rig
 from cutenv.rig.operation.session import recorded_channels, recorded_rows
 from cutenv.sim.tissue.specimen import Specimen
 from cutenv.sim.trace import COMPONENTS_OF_FORCE

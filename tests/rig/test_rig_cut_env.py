@@ -13,6 +13,7 @@ from gymnasium.utils.env_checker import check_env
 from scripted_operator import ScriptedOperator
 
 from cutenv.agents.policy import BASELINES
+from cutenv.emulation.fake_rig import Faults
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.records import load_one
 from cutenv.records.appending import AppendingRecord, RecordingFailed
@@ -20,7 +21,6 @@ from cutenv.records.scoring import score
 from cutenv.rig.config.settings import fake_settings
 from cutenv.rig.devices.protocols import DriveState
 from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.fake_rig import Faults
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.toml_file import to_toml
 from cutenv.task.observation import to_action

@@ -19,20 +19,20 @@ from waiting import until
 from cutenv.commands import cli
 from cutenv.commands.rig.run import paced
 from cutenv.commands.rig.weigh import mass_of, measured_values
-from cutenv.rig.config.settings import SIDE, RigSettings, SafetyLimits, SensorCalibration
-from cutenv.rig.contradictions import refuse_contradictions
-from cutenv.rig.devices import DriveState, ForceSample, Mounting, RigError, SystemClock
-from cutenv.rig.devices.driver_registry import mounted
-from cutenv.rig.devices.serial.board import board_line
-from cutenv.rig.imitated.emulator import process
-from cutenv.rig.imitated.emulator.process import RunningEmulator
-from cutenv.rig.imitated.emulator.serial_rig import (
+from cutenv.emulation import process
+from cutenv.emulation.process import RunningEmulator
+from cutenv.emulation.serial_rig import (
     GRBL_FAULTS,
     SERIAL_FAULTS,
     EmulatedGrblRig,
     EmulatedSerialRig,
     SerialOptions,
 )
+from cutenv.rig.config.settings import SIDE, RigSettings, SafetyLimits, SensorCalibration
+from cutenv.rig.contradictions import refuse_contradictions
+from cutenv.rig.devices import DriveState, ForceSample, Mounting, RigError, SystemClock
+from cutenv.rig.devices.driver_registry import mounted
+from cutenv.rig.devices.serial.board import board_line
 from cutenv.rig.operation.suitability import decisions, fits, stopping_ways, suitability_lines
 from cutenv.rig.operation.weighing import GRAVITY, Weighing, weigh
 from cutenv.rig.plant import rig_plant

@@ -11,15 +11,15 @@ import pytest
 from hand_moved_drive import INCREMENT
 
 from cutenv.commands.rig.emulate import _options, _parser
+from cutenv.emulation.canopen_rig import EmulatedRig, Options
+from cutenv.emulation.control import answered
+from cutenv.emulation.hub import Frame
+from cutenv.emulation.mechanics import ARM, EmulatedTissue
+from cutenv.emulation.tissue_in_plane import TissueInPlane
 from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.config.settings import across
 from cutenv.rig.devices.canopen.objects import HOMED
 from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.emulator.canopen_rig import EmulatedRig, Options
-from cutenv.rig.imitated.emulator.control import answered
-from cutenv.rig.imitated.emulator.hub import Frame
-from cutenv.rig.imitated.emulator.mechanics import ARM, EmulatedTissue
-from cutenv.rig.imitated.tissue_in_plane import TissueInPlane
 from cutenv.sim.cutting.sensor import SensorParameters
 from cutenv.sim.tissue import Specimen
 from cutenv.sim.tissue.layers import Layers

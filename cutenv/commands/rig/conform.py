@@ -18,6 +18,7 @@ from pathlib import Path
 from cutenv._base.result_table import aligned
 from cutenv.commands.options import RIG, command_parser
 from cutenv.commands.rig import reports_rig_errors
+from cutenv.emulation.connection import operator_of, settings_of
 from cutenv.rig.config.settings import EMULATED, FAKE, Axis, RigSettings, SensorSettings
 from cutenv.rig.devices.driver_registry import (
     KIND_OF_ROLE,
@@ -30,7 +31,6 @@ from cutenv.rig.devices.driver_registry import (
 )
 from cutenv.rig.devices.host import SystemClock, preferred
 from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.connection import operator_of, settings_of
 from cutenv.rig.plugins.conformance import (
     HEADER,
     TRIAL_TRAVEL,
@@ -67,7 +67,7 @@ def tried_drivers(rig: str, sections: list[str] | None = None) -> Tried:
         raise ValueError(f"a fake rig has no drivers to try. Give {', '.join(map(repr, EMULATED))}, or a rig's file.")
     with ExitStack() as stack:
         if rig in EMULATED:
-            from cutenv.rig.imitated.emulator.process import start
+            from cutenv.emulation.process import start
 
             settings = stack.enter_context(start(free_air=True, kind=rig)).settings
         elif rig.endswith(".toml") or Path(rig).exists():

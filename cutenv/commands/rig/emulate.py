@@ -19,9 +19,9 @@ from cutenv.commands.options import add_specimen_class, command_parser, made_pla
 from cutenv.rig.config.settings import Axis
 
 if TYPE_CHECKING:
+    from cutenv.emulation.canopen_rig import Options
+    from cutenv.emulation.serial_rig import SerialOptions
     from cutenv.rig.config.mounted_specimen import MountedSpecimen
-    from cutenv.rig.imitated.emulator.canopen_rig import Options
-    from cutenv.rig.imitated.emulator.serial_rig import SerialOptions
 
 _ROTOR_INERTIA_PER_MASS = (Axis().lead / (2.0 * math.pi * Axis().gear)) ** 2  # [m2]
 _CONSTANTS = (
@@ -56,8 +56,8 @@ _CONSTANTS = (
 def main(argv: Sequence[str]) -> int:
     """Emulate until ended; return 0, or 2 for bad options or ports."""
     arguments = _parser().parse_args(argv)
-    from cutenv.rig.imitated.emulator.emulated_bench import FAULTS, parsed_fault
-    from cutenv.rig.imitated.emulator.serial_rig import GRBL_FAULTS, SERIAL_FAULTS
+    from cutenv.emulation.emulated_bench import FAULTS, parsed_fault
+    from cutenv.emulation.serial_rig import GRBL_FAULTS, SERIAL_FAULTS
 
     known_faults = GRBL_FAULTS if arguments.grbl else SERIAL_FAULTS if arguments.serial else FAULTS
     if arguments.list_faults:
@@ -68,7 +68,7 @@ def main(argv: Sequence[str]) -> int:
         return 0
     if arguments.write is not None:
         made_place("--write", arguments.write)
-    from cutenv.rig.imitated.emulator.process import serve
+    from cutenv.emulation.process import serve
 
     parent = os.getppid() if arguments.with_parent == 0 else arguments.with_parent
     faults = [parsed_fault(text, known_faults) for text in arguments.fault]
@@ -91,7 +91,7 @@ def _mounted(arguments: argparse.Namespace) -> MountedSpecimen | None:
 
 
 def _serial_options(arguments: argparse.Namespace) -> SerialOptions:
-    from cutenv.rig.imitated.emulator.serial_rig import SerialOptions
+    from cutenv.emulation.serial_rig import SerialOptions
     from cutenv.sim.cutting.dtypes import LawParameters
 
     kind = "--grbl" if arguments.grbl else "--serial"
@@ -123,9 +123,9 @@ def _serial_options(arguments: argparse.Namespace) -> SerialOptions:
 
 
 def _options(arguments: argparse.Namespace) -> Options:
+    from cutenv.emulation.canopen_rig import Options
+    from cutenv.emulation.mechanics import Mechanics, hinge
     from cutenv.rig.config.settings import across
-    from cutenv.rig.imitated.emulator.canopen_rig import Options
-    from cutenv.rig.imitated.emulator.mechanics import Mechanics, hinge
     from cutenv.sim.cutting.dtypes import LawParameters
     from cutenv.sim.cutting.sensor import SensorParameters
 

@@ -19,9 +19,9 @@ from typing import TextIO
 
 from cutenv.commands.options import RIG, command_parser
 from cutenv.commands.rig import reports_rig_errors
+from cutenv.emulation.connection import connected, operator_of
 from cutenv.rig.devices.host import PacedClock
 from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.connection import connected, operator_of
 from cutenv.rig.operation.jogging import SPEED, TOP_SPEED, Jog, JogKey, KeyDecoder, jog
 from cutenv.rig.operation.preflight import prepare
 

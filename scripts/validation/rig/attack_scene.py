@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from cutenv.emulation.process import RunningEmulator, start
 from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.emulator.process import RunningEmulator, start
 from cutenv.rig.safety.stop_causes import Cause
 from scripts.validation.rig.attacked_drivers import ORDERS, Orders
 from scripts.validation.rig.cutting_rig import SPEED, CuttingRig

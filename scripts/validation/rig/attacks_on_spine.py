@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from cutenv.rig.imitated.emulator.process import RunningEmulator, start
+from cutenv.emulation.process import RunningEmulator, start
 from cutenv.rig.remote_spine import RemoteSpine
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.spine_process import COMMAND, GO

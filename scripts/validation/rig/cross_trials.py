@@ -10,8 +10,8 @@ import threading
 import time
 from typing import Any, NamedTuple
 
+from cutenv.emulation.control import EmulatorControl
 from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.imitated.emulator.control import EmulatorControl
 from cutenv.rig.operation.preflight import SETTLE, return_inside
 from cutenv.rig.safety.stop_causes import Cause, RigStopped, StopReport, detection_times
 from scripts.validation.rig.cutting_rig import PERIOD, SPEED, UPRIGHT, WATCHED, CuttingRig
@@ -32,7 +32,7 @@ _FROM_LIMIT_SWITCH = 0x8A80
 class CrossFault(NamedTuple):
     """Fault of the emulator as a trial injects it."""
 
-    emulated: str  # name among :data:`cutenv.rig.imitated.emulator.emulated_bench.FAULTS`
+    emulated: str  # name among :data:`cutenv.emulation.emulated_bench.FAULTS`
     given: dict[str, Any]
     forward: bool = False  # the blade is being raised, or goes to the left; else it descends, or goes to the right
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from cutenv.emulation.control import EmulatorControl
 from cutenv.envs.rig_source import EmulatedSpecimens
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.host import SystemClock
 from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.emulator.control import EmulatorControl
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.preflight import SETTLE, return_inside
 from cutenv.rig.operation.session import RigSession, SpecimenKey

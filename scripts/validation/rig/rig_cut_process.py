@@ -12,10 +12,10 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from cutenv.emulation.control import EmulatorControl
+from cutenv.emulation.process import RunningEmulator, emulated_settings
 from cutenv.rig.devices.canopen.network import DRIVE_PATIENCE
 from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.emulator.control import EmulatorControl
-from cutenv.rig.imitated.emulator.process import RunningEmulator, emulated_settings
 from cutenv.rig.safety.stop_causes import Cause, StopReport
 from scripts.validation.rig.cutting_rig import LATCHED_FOR, CuttingRig
 from scripts.validation.rig.rig_trials import Trial, moved_since, put_together, stalls_around

@@ -35,9 +35,9 @@ import numpy as np
 from tqdm import tqdm
 
 from cutenv._base.result_table import aligned
+from cutenv.emulation.process import RunningEmulator, start
 from cutenv.rig.config.settings import EMULATOR
 from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.emulator.process import RunningEmulator, start
 from scripts.tables import keep_json, markdown_table
 from scripts.validation.rig.busy_host import TooBusy, look
 from scripts.validation.rig.cross_trials import CrossingRig, cross_trial

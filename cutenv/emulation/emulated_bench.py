@@ -15,17 +15,17 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
 
 from cutenv._base.validation import in_range, one_of
+from cutenv.emulation.mechanics import EmulatedTissue
+from cutenv.emulation.node import Emergency
+from cutenv.emulation.sensor_server import SensorServer
 from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.emulator.mechanics import EmulatedTissue
-from cutenv.rig.imitated.emulator.node import Emergency
-from cutenv.rig.imitated.emulator.sensor_server import SensorServer
 from cutenv.sim.cutting.dtypes import TICK
 
 if TYPE_CHECKING:
-    from cutenv.rig.imitated.emulator.emulated_axis import EmulatedAxis
-    from cutenv.rig.imitated.emulator.node import Node
-    from cutenv.rig.imitated.emulator.sensor_server import BoardServer
+    from cutenv.emulation.emulated_axis import EmulatedAxis
+    from cutenv.emulation.node import Node
+    from cutenv.emulation.sensor_server import BoardServer
 
 
 Parameters = dict[str, Any]

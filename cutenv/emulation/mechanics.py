@@ -21,10 +21,10 @@ from cutenv._base.arrays import Struct, StructArray
 from cutenv._base.validation import check_parameters, parameter
 from cutenv._engine.elementary import exp
 from cutenv._engine.jit import njit, njit_internal
+from cutenv.emulation.tissue_in_plane import TissueInPlane, measured, within
 from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.config.settings import Axis, PositionControl
 from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.tissue_in_plane import TissueInPlane, measured, within
 from cutenv.sim.cutting.descent import HIGHEST, LOWEST
 from cutenv.sim.cutting.dtypes import LawParameters
 from cutenv.sim.cutting.sensor import Sensor, SensorParameters

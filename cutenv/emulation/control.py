@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 
 from cutenv._base.validation import in_range, one_of
+from cutenv.emulation.emulated_bench import EmulatedBench
 from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.emulator.emulated_bench import EmulatedBench
 from cutenv.sim.tissue.description import load_description
 from cutenv.sim.tissue.layers import Layers
 from cutenv.sim.tissue.lines import CutLine

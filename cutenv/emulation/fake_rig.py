@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from cutenv.emulation.fake_benches import DrivenPlant, RecordedPlant, SpecimenPlant
 from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.config.settings import Axis, RigSettings, fake_settings
 from cutenv.rig.devices.host import FakeClock, Repeating
@@ -30,7 +31,6 @@ from cutenv.rig.devices.protocols import (
     MotionSample,
 )
 from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.fake_benches import DrivenPlant, RecordedPlant, SpecimenPlant
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.spine import Spine
 from cutenv.sim.cutting.dtypes import TICK

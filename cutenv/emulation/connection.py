@@ -61,14 +61,14 @@ def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connectio
     emulator = None
     with ExitStack() as stack:
         if rig == FAKE:
-            from cutenv.rig.imitated.fake_benches import AirPlant
-            from cutenv.rig.imitated.fake_rig import FakeRig
+            from cutenv.emulation.fake_benches import AirPlant
+            from cutenv.emulation.fake_rig import FakeRig
 
             fake = FakeRig(AirPlant, fake_settings(name=FAKE), clock=clock)
             settings, plant = fake.settings, fake.plant
         else:
             if rig in EMULATED:
-                from cutenv.rig.imitated.emulator.process import start
+                from cutenv.emulation.process import start
 
                 emulator = stack.enter_context(start(free_air=True, kind=rig))
                 settings = emulator.settings

@@ -25,6 +25,11 @@ from typing import Any
 from cutenv._base.output import atomic_write
 from cutenv._base.validation import one_of
 from cutenv._engine.jit import warn_before_first_compile
+from cutenv.emulation.canopen_rig import RANGES, EmulatedRig, Options
+from cutenv.emulation.control import ControlServer, EmulatorControl
+from cutenv.emulation.emulated_bench import STALL, EmulatedBench
+from cutenv.emulation.mechanics import position_control, turn_motor
+from cutenv.emulation.serial_rig import EmulatedGrblRig, EmulatedSerialRig, SerialOptions
 from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.config.settings import (
     EMULATED,
@@ -38,11 +43,6 @@ from cutenv.rig.config.settings import (
 from cutenv.rig.config.settings import across as cross_axes
 from cutenv.rig.devices.host import prefer
 from cutenv.rig.errors import RigError
-from cutenv.rig.imitated.emulator.canopen_rig import RANGES, EmulatedRig, Options
-from cutenv.rig.imitated.emulator.control import ControlServer, EmulatorControl
-from cutenv.rig.imitated.emulator.emulated_bench import STALL, EmulatedBench
-from cutenv.rig.imitated.emulator.mechanics import position_control, turn_motor
-from cutenv.rig.imitated.emulator.serial_rig import EmulatedGrblRig, EmulatedSerialRig, SerialOptions
 from cutenv.rig.plugins.analogue_sensor import AnalogueOptions
 from cutenv.rig.plugins.slow_profile import grbl_settings, slow_settings
 from cutenv.rig.toml_file import to_toml

@@ -16,9 +16,7 @@ from typing import Any
 from canopen import SdoAbortedError
 from canopen.sdo.server import SdoServer
 
-from cutenv.rig.devices.canopen.objects import ENABLE_OPERATION, PDO_UNUSED, Entry
-from cutenv.rig.devices.protocols import DriveState
-from cutenv.rig.imitated.emulator.emulated_axis import (
+from cutenv.emulation.emulated_axis import (
     FAULT_RESET_BIT,
     POWERED,
     Abort,
@@ -29,7 +27,9 @@ from cutenv.rig.imitated.emulator.emulated_axis import (
     command,
     epos4,
 )
-from cutenv.rig.imitated.emulator.hub import Frame
+from cutenv.emulation.hub import Frame
+from cutenv.rig.devices.canopen.objects import ENABLE_OPERATION, PDO_UNUSED, Entry
+from cutenv.rig.devices.protocols import DriveState
 
 _IDENTIFIER = 0x7FF
 _SYNCHRONOUS = 240  # greatest transmission type that depends on SYNC
@@ -216,7 +216,7 @@ class Node:
     axis : EmulatedAxis
         Axis that it drives; gives node number and name.
     send : callable
-        Puts a :class:`~cutenv.rig.imitated.emulator.hub.Frame` on the bus.
+        Puts a :class:`~cutenv.emulation.hub.Frame` on the bus.
     happened : callable
         Called for quick stops, emergencies and lost heartbeats.
 

@@ -15,11 +15,7 @@ from fractions import Fraction
 import numpy as np
 from canopen import SdoAbortedError
 
-from cutenv.rig.config.settings import Axis, CrossAxis
-from cutenv.rig.devices.canopen import objects as o
-from cutenv.rig.devices.canopen.objects import WHOLE_RPM, Entry
-from cutenv.rig.devices.protocols import DriveState
-from cutenv.rig.imitated.emulator.mechanics import (
+from cutenv.emulation.mechanics import (
     MODE_OFF,
     MODE_RAMP,
     MODE_VELOCITY,
@@ -29,6 +25,10 @@ from cutenv.rig.imitated.emulator.mechanics import (
     motor_record,
     turn_motor,
 )
+from cutenv.rig.config.settings import Axis, CrossAxis
+from cutenv.rig.devices.canopen import objects as o
+from cutenv.rig.devices.canopen.objects import WHOLE_RPM, Entry
+from cutenv.rig.devices.protocols import DriveState
 
 _FASTEST = 2**32 - 1
 

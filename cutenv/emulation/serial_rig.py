@@ -15,11 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cutenv._base.validation import in_range, one_of
-from cutenv.rig.config.mounted_specimen import MountedSpecimen
-from cutenv.rig.config.settings import Axis
-from cutenv.rig.devices.serial.board import BoardFlag, BoardState, LineError, MotionReport, board_line, board_report
-from cutenv.rig.devices.serial.board_drivers import StepRates
-from cutenv.rig.imitated.emulator.emulated_bench import (
+from cutenv.emulation.emulated_bench import (
     OVER_FORCE,
     Act,
     EmulatedBench,
@@ -29,7 +25,7 @@ from cutenv.rig.imitated.emulator.emulated_bench import (
     attribute,
     switched,
 )
-from cutenv.rig.imitated.emulator.firmware import (
+from cutenv.emulation.firmware import (
     CONVERTERS,
     HIGH_PIN,
     LOW_PIN,
@@ -38,7 +34,11 @@ from cutenv.rig.imitated.emulator.firmware import (
     EmulatedLine,
     Firmware,
 )
-from cutenv.rig.imitated.emulator.mechanics import EmulatedTissue
+from cutenv.emulation.mechanics import EmulatedTissue
+from cutenv.rig.config.mounted_specimen import MountedSpecimen
+from cutenv.rig.config.settings import Axis
+from cutenv.rig.devices.serial.board import BoardFlag, BoardState, LineError, MotionReport, board_line, board_report
+from cutenv.rig.devices.serial.board_drivers import StepRates
 from cutenv.rig.plugins.slow_profile import COUNTS_PER_NEWTON, DELAYS, SCREW, SCREW_STEPS
 from cutenv.sim.cutting.dtypes import TICK, LawParameters
 from cutenv.sim.cutting.sensor import SensorParameters
@@ -150,7 +150,7 @@ class SerialOptions:
     motion : str
         What moves the blade: a stepper on the "board" of the load cell, or a machine with "grbl".
     converter : str
-        Converter of the load cell, of :data:`cutenv.rig.imitated.emulator.firmware.CONVERTERS`.
+        Converter of the load cell, of :data:`cutenv.emulation.firmware.CONVERTERS`.
     clock_error : float
         Relative error of the converter's own clock [1]: its readings come that much faster.
     mounted : MountedSpecimen, optional

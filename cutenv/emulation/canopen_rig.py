@@ -11,14 +11,14 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from cutenv._base.validation import in_range, one_of
+from cutenv.emulation.emulated_axis import EmulatedAxis
+from cutenv.emulation.emulated_bench import FAULTS, EmulatedBench
+from cutenv.emulation.hub import Frame, Hub
+from cutenv.emulation.mechanics import ARM, EmulatedTissue, Mechanics, hinge
+from cutenv.emulation.node import Node
+from cutenv.emulation.sensor_server import BoardServer, SensorServer
 from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.config.settings import Axis, CrossAxis, SafetyLimits
-from cutenv.rig.imitated.emulator.emulated_axis import EmulatedAxis
-from cutenv.rig.imitated.emulator.emulated_bench import FAULTS, EmulatedBench
-from cutenv.rig.imitated.emulator.hub import Frame, Hub
-from cutenv.rig.imitated.emulator.mechanics import ARM, EmulatedTissue, Mechanics, hinge
-from cutenv.rig.imitated.emulator.node import Node
-from cutenv.rig.imitated.emulator.sensor_server import BoardServer, SensorServer
 from cutenv.rig.plugins.analogue_sensor import AnalogueCalibration
 from cutenv.sim.cutting.dtypes import LawParameters
 from cutenv.sim.cutting.sensor import SensorParameters

@@ -12,10 +12,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from cutenv.emulation.tissue_in_plane import TissueInPlane
 from cutenv.rig.config.identified import drive_of
 from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.config.settings import CrossAxis, HeightAxis, RigSettings
-from cutenv.rig.imitated.tissue_in_plane import TissueInPlane
 from cutenv.rig.safety.monitors import NOMINAL_LAG
 from cutenv.sim.cutting.drive import Drive, advance_in_air, delayed_command, lag_gain
 from cutenv.sim.cutting.dtypes import READING, STATE, TICK, LawParameters
@@ -265,7 +265,7 @@ _FAR = 100.0  # [m] to the model's own end stops
 
 
 class AirPlant(FreeAcross):
-    """Bench of :class:`cutenv.rig.imitated.fake_rig.FakeRig` with drive and sensor, no specimen.
+    """Bench of :class:`cutenv.emulation.fake_rig.FakeRig` with drive and sensor, no specimen.
 
     Parameters
     ----------

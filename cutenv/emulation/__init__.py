@@ -1,0 +1,21 @@
+"""Emulated and fake rigs, beside the rig that moves hardware.
+
+- :mod:`~cutenv.emulation.connection`: connection to a rig by its name: emulated, fake, or that of a file;
+- :mod:`~cutenv.emulation.process`: the emulated rig in a process of its own, on the same wires as a real one;
+- :mod:`~cutenv.emulation.control`: requests to it that no real rig could answer;
+- :mod:`~cutenv.emulation.fake_rig`: drivers in memory, on a clock of their own, with every fault at any instant;
+- :mod:`~cutenv.emulation.fake_benches`: a specimen, a recorded cut, or nothing, under the blade of a fake rig.
+
+The other modules are the parts of the emulated rig. ``cutenv.rig`` knows none of them: where a blade moves, none has to
+be believed.
+
+May import: rig, display, vision, task, records, sim.
+"""
+
+from __future__ import annotations
+
+from cutenv._base.imports import import_when_used
+
+__all__ = ["connection", "control", "fake_benches", "fake_rig", "process"]
+
+__getattr__ = import_when_used(__name__, {}, __all__)
