@@ -33,7 +33,10 @@ for _track in ("SafeCut", "GentleCutRaw"):
         vector_entry_point=f"cutenv.envs.tracks:{_track}VectorEnv",
     )
 gymnasium.register(id="cutenv/FreeCut-v1", entry_point="cutenv.envs.free_cut:FreeCutEnv")
-WINGS = ("agents", "commands", "display", "emulation", "envs", "people", "records", "rig", "sim", "task", "vision")
+WINGS = (
+    "agents", "commands", "display", "drivers", "emulation", "envs", "people", "records", "rig", "sim", "task",
+    "vision",
+)  # fmt: skip
 """Packages of the first level, imported when they are used."""
 
 

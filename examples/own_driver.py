@@ -1,8 +1,8 @@
 """Write a driver of your own for an axis, and try it against what every driver promises."""
 
+from cutenv.drivers.conformance import LIMIT_NAMES, conform_motion
 from cutenv.rig.config.settings import Axis, RigSettings
 from cutenv.rig.devices import DriveState, Event, FakeClock, Latch, MotionSample, Mounting, RigError, rig_driver
-from cutenv.rig.plugins.conformance import LIMIT_NAMES, conform_motion
 
 
 @rig_driver(needs=("lead",), emulated=lambda rig, role: True)  # it moves nothing

@@ -8,7 +8,7 @@
   better;
 - :mod:`~cutenv.agents.difficulty`: what scripts get on the specimen of a record.
 
-May import: envs, emulation, display, rig, vision, task, records, sim.
+May import: envs, emulation, drivers, rig, display, vision, task, records, sim.
 """
 
 from __future__ import annotations

@@ -2,5 +2,5 @@
 
 ``cutenv rig run`` is ``cutenv.commands.rig.run``; :mod:`~cutenv.commands.cli` lists them all with their extras.
 
-May import: people, agents, envs, emulation, display, rig, vision, task, records, sim.
+May import: people, agents, envs, emulation, drivers, rig, display, vision, task, records, sim.
 """

@@ -9,7 +9,7 @@
 The other modules are the parts of the emulated rig. ``cutenv.rig`` knows none of them: where a blade moves, none has to
 be believed.
 
-May import: rig, display, vision, task, records, sim.
+May import: drivers, rig, display, vision, task, records, sim.
 """
 
 from __future__ import annotations

@@ -11,6 +11,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from cutenv._base.validation import in_range, one_of
+from cutenv.drivers.analogue_sensor import AnalogueCalibration
 from cutenv.emulation.emulated_axis import EmulatedAxis
 from cutenv.emulation.emulated_bench import FAULTS, EmulatedBench
 from cutenv.emulation.hub import Frame, Hub
@@ -19,7 +20,6 @@ from cutenv.emulation.node import Node
 from cutenv.emulation.sensor_server import BoardServer, SensorServer
 from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.config.settings import Axis, CrossAxis, SafetyLimits
-from cutenv.rig.plugins.analogue_sensor import AnalogueCalibration
 from cutenv.sim.cutting.dtypes import LawParameters
 from cutenv.sim.cutting.sensor import SensorParameters
 from cutenv.sim.plant.simulator import ANGLE_RANGE, check_angle

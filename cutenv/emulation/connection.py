@@ -11,6 +11,7 @@ from dataclasses import replace
 from datetime import date
 from typing import NamedTuple
 
+from cutenv.drivers.slow_profile import grbl_settings, slow_settings
 from cutenv.rig.config.settings import (
     EMULATED,
     EMULATOR,
@@ -26,7 +27,6 @@ from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import AutomaticOperator, Operator, TerminalOperator
 from cutenv.rig.operation.preflight import SETTLE
 from cutenv.rig.plant import RigPlant, rig_plant
-from cutenv.rig.plugins.slow_profile import grbl_settings, slow_settings
 from cutenv.rig.safety.oversight import guarded
 from cutenv.rig.toml_file import read_rig_file
 

@@ -24,8 +24,8 @@ from pathlib import Path
 
 from cutenv._base import resources
 from cutenv._base.validation import one_of
+from cutenv.drivers.grbl_axis import JOG_CANCEL, MARK, SOFT_RESET, STATUS
 from cutenv.rig.errors import RigError
-from cutenv.rig.plugins.grbl_axis import JOG_CANCEL, MARK, SOFT_RESET, STATUS
 
 
 class EmulatedLine:

@@ -25,6 +25,8 @@ from typing import Any
 from cutenv._base.output import atomic_write
 from cutenv._base.validation import one_of
 from cutenv._engine.jit import warn_before_first_compile
+from cutenv.drivers.analogue_sensor import AnalogueOptions
+from cutenv.drivers.slow_profile import grbl_settings, slow_settings
 from cutenv.emulation.canopen_rig import RANGES, EmulatedRig, Options
 from cutenv.emulation.control import ControlServer, EmulatorControl
 from cutenv.emulation.emulated_bench import STALL, EmulatedBench
@@ -43,8 +45,6 @@ from cutenv.rig.config.settings import (
 from cutenv.rig.config.settings import across as cross_axes
 from cutenv.rig.devices.host import prefer
 from cutenv.rig.errors import RigError
-from cutenv.rig.plugins.analogue_sensor import AnalogueOptions
-from cutenv.rig.plugins.slow_profile import grbl_settings, slow_settings
 from cutenv.rig.toml_file import to_toml
 from cutenv.sim.cutting.descent import DESCENDING
 from cutenv.sim.cutting.motion import STRAIGHT

@@ -21,6 +21,7 @@ import numpy as np
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range
+from cutenv.drivers.analogue_sensor import SCAN, AnalogueCalibration
 from cutenv.rig.devices.driver_bases import Counts
 from cutenv.rig.devices.host import Clock, SystemClock
 from cutenv.rig.devices.netft_sensor import (
@@ -32,7 +33,6 @@ from cutenv.rig.devices.netft_sensor import (
     parse_request,
 )
 from cutenv.rig.devices.reading_stream import SEQUENCES
-from cutenv.rig.plugins.analogue_sensor import SCAN, AnalogueCalibration
 
 Address: TypeAlias = tuple[str, int]
 Loads: TypeAlias = tuple[float, float, float, float, float, float]

@@ -15,6 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cutenv._base.validation import in_range, one_of
+from cutenv.drivers.slow_profile import COUNTS_PER_NEWTON, DELAYS, SCREW, SCREW_STEPS
 from cutenv.emulation.emulated_bench import (
     OVER_FORCE,
     Act,
@@ -39,7 +40,6 @@ from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.config.settings import Axis
 from cutenv.rig.devices.serial.board import BoardFlag, BoardState, LineError, MotionReport, board_line, board_report
 from cutenv.rig.devices.serial.board_drivers import StepRates
-from cutenv.rig.plugins.slow_profile import COUNTS_PER_NEWTON, DELAYS, SCREW, SCREW_STEPS
 from cutenv.sim.cutting.dtypes import TICK, LawParameters
 from cutenv.sim.cutting.sensor import SensorParameters
 from cutenv.sim.plant.simulator import check_angle

@@ -4,7 +4,7 @@ They step the tasks of :mod:`cutenv.task` in the simulator (:mod:`cutenv.sim`) o
 them by name, ``gymnasium.make("cutenv/GentleCut-v1")``, or by the classes listed here. Nothing below this package knows
 Gymnasium.
 
-May import: emulation, display, rig, vision, task, records, sim.
+May import: emulation, drivers, rig, display, vision, task, records, sim.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ Law, task and score are those of an agent.
 - :mod:`~cutenv.people.browser`: the same cut as WebAssembly, in a page that fetches nothing;
 - :mod:`~cutenv.people.classroom`: server of a class, with codes, courses, records and grades (extra ``serve``).
 
-May import: agents, envs, emulation, display, rig, vision, task, records, sim.
+May import: agents, envs, emulation, drivers, rig, display, vision, task, records, sim.
 """
 
 from __future__ import annotations

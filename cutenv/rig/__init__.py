@@ -2,13 +2,13 @@
 
 - :mod:`~cutenv.rig.safety`: the supervisor, its monitors, causes of a stop and quick stops;
 - :mod:`~cutenv.rig.devices`: protocols and registry of drivers, and the drivers of the thesis's rig;
-- :mod:`~cutenv.rig.plugins`: further drivers, and the conformance that anybody's driver is tried by;
 - :mod:`~cutenv.rig.operation`: operator, checks before motion, session and recorder;
 - :mod:`~cutenv.rig.config`: a rig's settings, calibrations and identified constants;
 - ``spine``, ``spine_process``, ``remote_spine``: the process of its own in which safety and drivers run.
 
-Where a blade moves, all of it but the drivers that the rig's file does not name has to be believed. Emulated and fake
-rigs stand beside it, in :mod:`cutenv.emulation`, and are not known here.
+Where a blade moves, all of it but the drivers that the rig's file does not name has to be believed. Further drivers
+(:mod:`cutenv.drivers`) and emulated rigs (:mod:`cutenv.emulation`) stand beside it: the former are loaded by name
+alone, if the file names them, and of the latter nothing is known here.
 
 May import: vision, task, records, sim.
 """
@@ -17,6 +17,6 @@ from __future__ import annotations
 
 from cutenv._base.imports import import_when_used
 
-__all__ = ["config", "devices", "operation", "plugins", "safety"]
+__all__ = ["config", "devices", "operation", "safety"]
 
 __getattr__ = import_when_used(__name__, {}, __all__)

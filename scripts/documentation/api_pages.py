@@ -24,7 +24,7 @@ MODULES = (
     "cutenv.records.scoring.cut_metrics",
     "cutenv.rig.config.settings",
     "cutenv.rig.devices.protocols",
-    "cutenv.rig.plugins.conformance",
+    "cutenv.drivers.conformance",
     "cutenv.rig.safety.supervisor",
     "cutenv.sim.tissue.lines",
     "cutenv.sim.trace",

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from cutenv._base.validation import parameter_table
+from cutenv.drivers.slow_profile import RATES, grbl_settings, slow_settings
 from cutenv.envs.constants import Knowledge
 from cutenv.records.scoring import INVARIANCES, MAP_METRICS, METRICS, Metric
 from cutenv.rig.operation.suitability import suitability_lines
-from cutenv.rig.plugins.slow_profile import RATES, grbl_settings, slow_settings
 from cutenv.rig.toml_file import template
 from cutenv.sim.cutting.descent import DescentParameters
 from cutenv.sim.cutting.drive import PDRig, Rig

@@ -15,12 +15,7 @@ from nidaqmx.errors import DaqNotFoundError
 from waiting import until
 
 from cutenv._base import resources
-from cutenv.emulation.sensor_server import BoardServer
-from cutenv.rig.config.settings import SensorSettings, fake_settings
-from cutenv.rig.devices.driver_registry import Mounting
-from cutenv.rig.devices.host import SystemClock
-from cutenv.rig.errors import RigError
-from cutenv.rig.plugins.analogue_sensor import (
+from cutenv.drivers.analogue_sensor import (
     CHANNEL_AT_END,
     SHIPPED_CALIBRATION,
     AnalogueCalibration,
@@ -28,6 +23,11 @@ from cutenv.rig.plugins.analogue_sensor import (
     AnalogueSensor,
     NidaqmxBoard,
 )
+from cutenv.emulation.sensor_server import BoardServer
+from cutenv.rig.config.settings import SensorSettings, fake_settings
+from cutenv.rig.devices.driver_registry import Mounting
+from cutenv.rig.devices.host import SystemClock
+from cutenv.rig.errors import RigError
 from cutenv.rig.toml_file import read_rig_file, to_toml
 
 JR3 = AnalogueCalibration.read(SHIPPED_CALIBRATION)

@@ -11,10 +11,10 @@ import pytest
 
 from cutenv.commands import cli
 from cutenv.commands.rig.conform import tried_drivers
+from cutenv.drivers.conformance import TriedPromise, conform_force, conform_motion
 from cutenv.rig.config.settings import Axis, RigSettings, SensorSettings
 from cutenv.rig.devices import FakeClock, ForceSample, Mounting
 from cutenv.rig.errors import RigError
-from cutenv.rig.plugins.conformance import TriedPromise, conform_force, conform_motion
 
 # Not as a program: a class that a rig's file names tries nothing and prints nothing when it is imported.
 Stage: Any = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "own_driver.py"))["Stage"]

@@ -17,6 +17,11 @@ from waiting import until
 
 from cutenv.commands import cli
 from cutenv.commands.rig.init import SENSORS
+from cutenv.drivers.bota_sensor import bota_frame
+from cutenv.drivers.conformance import Listening
+from cutenv.drivers.framed_sensor import FrameError, FrameFormat, FrameReader
+from cutenv.drivers.robotiq_sensor import robotiq_frame
+from cutenv.drivers.slow_profile import slow_limits
 from cutenv.emulation.process import RunningEmulator, start
 from cutenv.rig.config.settings import RigSettings, SafetyLimits, SensorCalibration
 from cutenv.rig.contradictions import refuse_contradictions
@@ -25,11 +30,6 @@ from cutenv.rig.devices.driver_registry import mounted
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.preflight import prepare
 from cutenv.rig.plant import rig_plant
-from cutenv.rig.plugins.bota_sensor import bota_frame
-from cutenv.rig.plugins.conformance import Listening
-from cutenv.rig.plugins.framed_sensor import FrameError, FrameFormat, FrameReader
-from cutenv.rig.plugins.robotiq_sensor import robotiq_frame
-from cutenv.rig.plugins.slow_profile import slow_limits
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.toml_file import template, to_toml
 
@@ -164,8 +164,8 @@ def test_a_device_that_does_not_answer_is_named_with_what_to_look_at(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for module in ("robotiq_sensor", "bota_sensor"):
-        monkeypatch.setattr(f"cutenv.rig.plugins.{module}._ANSWER", 0.05)
-    monkeypatch.setattr("cutenv.rig.plugins.bota_sensor._BOOT", 0.1)
+        monkeypatch.setattr(f"cutenv.drivers.{module}._ANSWER", 0.05)
+    monkeypatch.setattr("cutenv.drivers.bota_sensor._BOOT", 0.1)
     with serving(DEVICES[name]()) as device:
         device.line.deaf, device.streaming = True, False
         with pytest.raises(RigError, match=r"answers at .* baud. Has it (its 24 V|power)"):
@@ -221,8 +221,8 @@ def test_a_bota_frame_that_says_what_cannot_be_is_refused_though_its_crc_is_righ
 
 def test_frames_and_requests_are_those_of_the_makers() -> None:
     # Modbus: CRC of "123456789" is 0x4B37; X-25: 0x906E (catalogue of CRCs).
-    from cutenv.rig.plugins.bota_sensor import x25_crc
-    from cutenv.rig.plugins.robotiq_sensor import modbus_crc
+    from cutenv.drivers.bota_sensor import x25_crc
+    from cutenv.drivers.robotiq_sensor import modbus_crc
 
     assert modbus_crc(b"123456789") == 0x4B37
     assert x25_crc(b"123456789") == 0x906E

@@ -12,6 +12,9 @@ from typing import Any
 import pytest
 from waiting import until
 
+from cutenv.drivers.conformance import Listening, conform_motion
+from cutenv.drivers.grbl_axis import PIECE, SENT_AHEAD, GrblAxis, GrblStatus, grbl_status, jog_line
+from cutenv.drivers.slow_profile import grbl_settings
 from cutenv.emulation.firmware import EmulatedGrbl
 from cutenv.emulation.serial_rig import EmulatedSerialRig, SerialOptions
 from cutenv.rig.config.settings import RigSettings, SensorCalibration
@@ -20,9 +23,6 @@ from cutenv.rig.devices import DriveState, Mounting, RigError, SystemClock
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.preflight import prepare
 from cutenv.rig.plant import rig_plant
-from cutenv.rig.plugins.conformance import Listening, conform_motion
-from cutenv.rig.plugins.grbl_axis import PIECE, SENT_AHEAD, GrblAxis, GrblStatus, grbl_status, jog_line
-from cutenv.rig.plugins.slow_profile import grbl_settings
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.toml_file import template
 
@@ -175,8 +175,8 @@ def test_a_machine_that_is_set_otherwise_is_refused_with_the_lines_to_send(
 
 
 def test_a_port_without_grbl_is_named(machine: EmulatedGrbl, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cutenv.rig.plugins.grbl_axis._BOOT", 0.2)
-    monkeypatch.setattr("cutenv.rig.plugins.grbl_axis.ANSWERED", 0.2)
+    monkeypatch.setattr("cutenv.drivers.grbl_axis._BOOT", 0.2)
+    monkeypatch.setattr("cutenv.drivers.grbl_axis.ANSWERED", 0.2)
     machine.line.mute = True
     with pytest.raises(RigError, match="no GRBL answers at"):
         axis_of(grbl_settings(machine.line.port, "")).open(Listening())

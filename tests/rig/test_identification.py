@@ -19,6 +19,7 @@ import cutenv  # noqa: F401  registers the environment
 from cutenv.agents.learning.arguments import BadArguments, PPOArguments, for_rig
 from cutenv.agents.sim_to_real import axis_response
 from cutenv.agents.sim_to_real.identification import Identification, Plan
+from cutenv.drivers.slow_profile import grbl_settings, slow_settings
 from cutenv.envs import GentleCutEnv, GentleCutVectorEnv, RigCutEnv
 from cutenv.records.measurement import sensor_noise
 from cutenv.records.measurement.sensor_noise import longest_still, sensor_at_rest
@@ -27,7 +28,6 @@ from cutenv.rig.config.settings import Identified, RigSettings, SafetyLimits, Se
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.recorder import Stretch
 from cutenv.rig.operation.suitability import simulator_keywords, top_speed
-from cutenv.rig.plugins.slow_profile import grbl_settings, slow_settings
 from cutenv.rig.toml_file import to_toml
 from cutenv.sim.cutting.drive import Rig
 from cutenv.task.observation import COMPONENTS

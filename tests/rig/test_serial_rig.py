@@ -19,6 +19,8 @@ from waiting import until
 from cutenv.commands import cli
 from cutenv.commands.rig.run import paced
 from cutenv.commands.rig.weigh import mass_of, measured_values
+from cutenv.drivers.conformance import Listening
+from cutenv.drivers.slow_profile import RATES, slow_settings
 from cutenv.emulation import process
 from cutenv.emulation.process import RunningEmulator
 from cutenv.emulation.serial_rig import (
@@ -36,8 +38,6 @@ from cutenv.rig.devices.serial.board import board_line
 from cutenv.rig.operation.suitability import decisions, fits, stopping_ways, suitability_lines
 from cutenv.rig.operation.weighing import GRAVITY, Weighing, weigh
 from cutenv.rig.plant import rig_plant
-from cutenv.rig.plugins.conformance import Listening
-from cutenv.rig.plugins.slow_profile import RATES, slow_settings
 from cutenv.rig.safety.monitors import ForceMonitor, ForceReadings
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.toml_file import read_rig_file, template, to_toml

@@ -16,9 +16,9 @@ from hypothesis import strategies as st
 from made_up_settings import measured, nearly_usual
 
 from cutenv.commands import cli
+from cutenv.drivers.slow_profile import slow_settings
 from cutenv.rig.config.file_schema import SECTIONS
 from cutenv.rig.config.settings import CameraSettings, Identified, RigSettings, SensorCalibration
-from cutenv.rig.plugins.slow_profile import slow_settings
 from cutenv.rig.toml_file import read_rig_file, template, to_toml, write_identified
 
 FILLED = template("bench 2").replace("\n# FILL IN: ", "\n")

@@ -18,6 +18,14 @@ from pathlib import Path
 from cutenv._base.result_table import aligned
 from cutenv.commands.options import RIG, command_parser
 from cutenv.commands.rig import reports_rig_errors
+from cutenv.drivers.conformance import (
+    HEADER,
+    TRIAL_TRAVEL,
+    TriedPromise,
+    conform_force,
+    conform_motion,
+    conformance_rows,
+)
 from cutenv.emulation.connection import operator_of, settings_of
 from cutenv.rig.config.settings import EMULATED, FAKE, Axis, RigSettings, SensorSettings
 from cutenv.rig.devices.driver_registry import (
@@ -31,14 +39,6 @@ from cutenv.rig.devices.driver_registry import (
 )
 from cutenv.rig.devices.host import SystemClock, preferred
 from cutenv.rig.errors import RigError
-from cutenv.rig.plugins.conformance import (
-    HEADER,
-    TRIAL_TRAVEL,
-    TriedPromise,
-    conform_force,
-    conform_motion,
-    conformance_rows,
-)
 
 SECTIONS_TRIED = ("blade", "angle", "height", "side", "sensor")
 """Sections of a rig's file whose drivers can be tried."""

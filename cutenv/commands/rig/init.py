@@ -10,10 +10,10 @@ from pathlib import Path
 from cutenv._base import resources
 from cutenv._base.output import check_writable
 from cutenv.commands.options import command_parser, reports_errors
+from cutenv.drivers.bota_sensor import BotaOptions
+from cutenv.drivers.robotiq_sensor import ROBOTIQ_RATE, RobotiqOptions
+from cutenv.drivers.slow_profile import grbl_settings, slow_limits, slow_settings
 from cutenv.rig.config.settings import RigSettings, SensorSettings
-from cutenv.rig.plugins.bota_sensor import BotaOptions
-from cutenv.rig.plugins.robotiq_sensor import ROBOTIQ_RATE, RobotiqOptions
-from cutenv.rig.plugins.slow_profile import grbl_settings, slow_limits, slow_settings
 from cutenv.rig.toml_file import template
 
 PROFILES: dict[str, Callable[[], RigSettings]] = {

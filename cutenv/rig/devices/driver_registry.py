@@ -58,13 +58,13 @@ SHIPPED_DRIVERS: Mapping[DriverKind, Mapping[str, str]] = {
     DriverKind.MOTION: {
         "canopen": "cutenv.rig.devices.standard_drivers:mounted_axis",
         "serial": "cutenv.rig.devices.serial.board_drivers:StepperAxis",
-        "grbl": "cutenv.rig.plugins.grbl_axis:GrblAxis",
+        "grbl": "cutenv.drivers.grbl_axis:GrblAxis",
     },
     DriverKind.FORCE: {
-        "analogue": "cutenv.rig.plugins.analogue_sensor:AnalogueSensor",
-        "bota": "cutenv.rig.plugins.bota_sensor:bota_sensor",
+        "analogue": "cutenv.drivers.analogue_sensor:AnalogueSensor",
+        "bota": "cutenv.drivers.bota_sensor:bota_sensor",
         "netft": "cutenv.rig.devices.standard_drivers:mounted_sensor",
-        "robotiq": "cutenv.rig.plugins.robotiq_sensor:robotiq_sensor",
+        "robotiq": "cutenv.drivers.robotiq_sensor:robotiq_sensor",
         "serial": "cutenv.rig.devices.serial.board_drivers:LoadCell",
     },
     DriverKind.CAMERA: {"opencv": "cutenv.vision.film_source:mounted_camera"},

@@ -12,12 +12,12 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
+from cutenv.drivers.grbl_axis import PIECE, SENT_AHEAD
 from cutenv.emulation.control import EmulatorControl
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.canopen.network import DRIVE_PATIENCE
 from cutenv.rig.devices.serial.board import BOARD_PATIENCE
 from cutenv.rig.devices.serial.board_drivers import sensor_delay
-from cutenv.rig.plugins.grbl_axis import PIECE, SENT_AHEAD
 from cutenv.rig.safety.stop_causes import Cause, RigStopped, StopReport, detection_times
 from scripts.validation.rig.cutting_rig import PERIOD, SLOW, SPEED, UPRIGHT, WATCHED, CuttingRig, pace_of
 

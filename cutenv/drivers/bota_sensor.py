@@ -14,11 +14,7 @@ from dataclasses import dataclass
 from enum import IntFlag
 
 from cutenv._base.validation import check_parameters
-from cutenv.rig.config.settings import RigSettings, setting
-from cutenv.rig.devices.driver_registry import Mounting, rig_driver
-from cutenv.rig.devices.serial.board_drivers import on_pseudo_terminal
-from cutenv.rig.errors import RigError
-from cutenv.rig.plugins.framed_sensor import (
+from cutenv.drivers.framed_sensor import (
     FramedSensor,
     FrameError,
     FrameFormat,
@@ -27,6 +23,10 @@ from cutenv.rig.plugins.framed_sensor import (
     crc16,
     crc_table,
 )
+from cutenv.rig.config.settings import RigSettings, setting
+from cutenv.rig.devices.driver_registry import Mounting, rig_driver
+from cutenv.rig.devices.serial.board_drivers import on_pseudo_terminal
+from cutenv.rig.errors import RigError
 
 SINC_LENGTHS = {100.0: 512, 200.0: 256, 400.0: 128, 800.0: 64}
 """Length of the sensor's filter for each rate [Hz]: 51 200 over it."""

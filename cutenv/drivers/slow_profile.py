@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from cutenv.drivers.grbl_axis import REPORT_PERIOD, GrblOptions
 from cutenv.rig.config.settings import Axis, Bus, RigSettings, SafetyLimits, SensorSettings
 from cutenv.rig.devices.serial.board_drivers import BOARD_PERIOD, LoadCellOptions, StepperOptions
-from cutenv.rig.plugins.grbl_axis import REPORT_PERIOD, GrblOptions
 
 SCREW_STEPS = 3200
 """Steps for one turn of a motor of 200 steps with 16 microsteps: choice."""

@@ -13,11 +13,7 @@ import struct
 from dataclasses import dataclass
 
 from cutenv._base.validation import check_parameters
-from cutenv.rig.config.settings import RigSettings, setting
-from cutenv.rig.devices.driver_registry import Mounting, rig_driver
-from cutenv.rig.devices.serial.board_drivers import on_pseudo_terminal
-from cutenv.rig.errors import RigError
-from cutenv.rig.plugins.framed_sensor import (
+from cutenv.drivers.framed_sensor import (
     FramedSensor,
     FrameError,
     FrameFormat,
@@ -26,6 +22,10 @@ from cutenv.rig.plugins.framed_sensor import (
     crc16,
     crc_table,
 )
+from cutenv.rig.config.settings import RigSettings, setting
+from cutenv.rig.devices.driver_registry import Mounting, rig_driver
+from cutenv.rig.devices.serial.board_drivers import on_pseudo_terminal
+from cutenv.rig.errors import RigError
 
 ROBOTIQ_RATE = 100.0
 """Rate of the stream [Hz], of the manual."""
