@@ -124,8 +124,8 @@ PAGES = (
     Check("tests: slow", "tests that take minutes", "pytest -p no:cacheprovider -m slow", None,
           "docs/development/testing.md", long=True),
     Check("tests: new examples of every property", "properties hold on examples drawn anew",
-          "pytest -p no:cacheprovider tests/sim/properties tests/sim/derived tests/records/files tests/rig", None,
-          "docs/development/testing.md", long=True),
+          "pytest -p no:cacheprovider tests/sim/properties tests/sim/derived tests/records/files tests/rig "
+          "tests/emulation", None, "docs/development/testing.md", long=True),
     Check("bits: of results", "results keep every bit", "scripts.digests --check", 1.5, "docs/development/testing.md"),
 )  # fmt: skip
 """Blocks that are printed from the package, and tests."""

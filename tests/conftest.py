@@ -133,7 +133,7 @@ def taken(reporter: pytest.TerminalReporter) -> dict[str, tuple[float, float]]:
 
 LATE = 0.005
 """Lateness of a thread from which this machine may have failed a test in real time [s]; some hold times to 3 ms."""
-REAL_TIME = tuple(Path(__file__).parent / name for name in ("rig", "agents/sim_to_real"))
+REAL_TIME = tuple(Path(__file__).parent / name for name in ("rig", "drivers", "emulation", "agents/sim_to_real"))
 """Folders of tests in real time; in others it is said by the mark ``real_time``."""
 
 

@@ -2,8 +2,8 @@
 
 ``scripts/validation/rig/rig_faults.py`` makes many trials of each, and prints the table; here is one of each. Those
 that every run makes need wires, or a process that ends. Of the others the two halves are tested on a clock moved by
-hand: what the emulator then does (test_emulator_faults.py), and what the rig makes of it (test_every_fault_stops.py,
-test_cross_axes.py).
+hand: what the emulator then does (tests/emulation/test_emulator_faults.py), and what the rig makes of it
+(test_every_fault_stops.py, test_cross_axes.py).
 """
 
 from __future__ import annotations

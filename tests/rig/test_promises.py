@@ -7,15 +7,16 @@ import re
 from collections import defaultdict
 from pathlib import Path
 
-HERE = Path(__file__).parent
-PAGE = HERE.parents[1] / "docs" / "rig" / "safety.md"
+TESTS = Path(__file__).parents[1]
+FOLDERS = ("drivers", "emulation", "rig")
+PAGE = TESTS.parent / "docs" / "rig" / "safety.md"
 _MARK = re.compile(r"pytest\.mark\.promise\('(S\d+)'\)")
 
 
 def marked() -> dict[str, set[str]]:
     """Tests by the promise that they prove."""
     found = defaultdict(set)
-    for file in HERE.glob("test_*.py"):
+    for file in (file for folder in FOLDERS for file in (TESTS / folder).glob("test_*.py")):
         for function in ast.parse(file.read_text(encoding="utf-8")).body:
             for mark in getattr(function, "decorator_list", ()):
                 if (said := _MARK.fullmatch(ast.unparse(mark))) is not None:
