@@ -292,6 +292,30 @@ def test_lines_are_chosen_with_the_specimen(page: Browser) -> None:
     assert page.accessible("slider", "Tilt of the blade") == 1
 
 
+EXPERT = """(() => {
+  const { page, drawing } = cutenvPage, way = n => Array.from({ length: 101 }, (_, k) => k * n), dashes = window.dashes = [];
+  page.cut.specimen.expert = { time: way(0.02), position: way(2e-4), angle: way(0).map(() => 1.5), force: way(0.01),
+    tip: way(1.9e-4), height: way(0), blade_x: way(2e-4), blade_y: way(0) };
+  const strokes = drawing.strokes;
+  drawing.strokes = function (lines, colour, width, dash) {
+    if (["#8f3072", "#e79cca"].includes(colour)) dashes.push(dash?.length ?? 0);
+    return strokes.call(this, lines, colour, width, dash);
+  };
+})()"""
+
+
+@every
+def test_all_of_an_experts_way_is_dashed_as_the_words_say(page: Browser) -> None:
+    start(page, below=160.0)
+    wait(page, "cutenvPage.page.cut.count > 200")
+    page.value(EXPERT)
+    page.value("document.getElementById('stop').click()")
+    page.value("document.getElementById('watch').click()")
+    wait(page, "cutenvPage.page.replay !== null && dashes.length > 4")
+    assert page.value("document.getElementById('expert-words').textContent").startswith("Dashed: ")
+    assert page.value("dashes.every(each => each > 0)")
+
+
 @every
 @pytest.mark.parametrize("language", ["en", "de"])
 def test_it_fits_a_telephone_and_can_be_read(browser: Browser, written: Path, language: str) -> None:

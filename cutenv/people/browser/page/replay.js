@@ -3,6 +3,7 @@
 const COMPARED = 0.001; // m of the way over which two forces are compared
 const SHORTLY = 100; // ms over which a speed is told
 const EXPERT_COLOURS = { light: "#8f3072", dark: "#e79cca" };
+const EXPERT_DASH = [4, 2]; // px; the words under a replay name an expert's lines by it
 
 // Movements as a record keeps them, how often each stands and its numbers; and back.
 function inRuns(movements) {
@@ -60,6 +61,7 @@ class ExpertWay {
     const { scene, pen } = drawing, { columns } = this, k = this.until(time);
     const dark = drawing.colours === drawing.told.scene.colours.dark, colour = EXPERT_COLOURS[dark ? "dark" : "light"];
     const chart = (along, force) => drawing.pixels("chart", [along, force]);
+    const strokes = (lines, width) => drawing.strokes(lines, colour, width, EXPERT_DASH);
     drawing.clipped("chart", () => {
       const own = forceByPlace(cut.columns, cut.count), both = own.map((force, n) => [n, force, this.forces[n]]).filter(([, a, b]) => a !== undefined && b !== undefined);
       const middle = n => (n + 0.5) * COMPARED;
@@ -69,8 +71,8 @@ class ExpertWay {
         if (j === i + 1) drawing.areas([[chart(middle(i), a), chart(middle(j), c), chart(middle(j), d), chart(middle(i), b)]], a + c > b + d ? drawing.colour.costs : drawing.colour.target);
       }
       pen.globalAlpha = 1;
-      drawing.strokes([columns.position.map((along, n) => chart(along, columns.force[n]))], colour, 1);
-      drawing.strokes([columns.position.slice(0, k + 1).map((along, n) => chart(along, columns.force[n]))], colour, 1.8);
+      strokes([columns.position.map((along, n) => chart(along, columns.force[n]))], 1);
+      strokes([columns.position.slice(0, k + 1).map((along, n) => chart(along, columns.force[n]))], 1.8);
     });
     const at = { ...values, blade: columns.position[k], tip: columns.tip[k], hand: columns.position[k], angle: columns.angle[k], force: columns.force[k],
       level: columns.height?.[k] ?? values.level };
@@ -80,14 +82,14 @@ class ExpertWay {
     for (const part of scene.parts.filter(each => outlined.includes(each.name))) {
       const points = scene.places(part, at, null).map(place => drawing.pixels(part.view, place));
       const lines = part.mark.length ? points.map(([x, y]) => part.mark.map(([a, b]) => [x + a, y + b])) : [points];
-      drawing.clipped(part.view, () => drawing.strokes(lines.map(each => [...each, each[0]]), colour, 2, [4, 2]));
+      drawing.clipped(part.view, () => strokes(lines.map(each => [...each, each[0]]), 2));
     }
     if (!drawing.plan) return;
     const places = drawing.plan.pixels(columns.blade_x.map((x, n) => [x, columns.blade_y[n]]));
-    drawing.strokes([places], colour, 1);
-    drawing.strokes([places.slice(0, k + 1)], colour, 2.2);
+    strokes([places], 1);
+    strokes([places.slice(0, k + 1)], 2.2);
     const [x, y] = places[k];
-    drawing.strokes([[[x, y - 6], [x + 6, y], [x, y + 6], [x - 6, y], [x, y - 6]]], colour, 2);
+    strokes([[[x, y - 6], [x + 6, y], [x, y + 6], [x - 6, y], [x, y - 6]]], 2);
     if (showTip) drawing.plan.nameTip();
   }
 }
