@@ -76,7 +76,7 @@ class CoursePages:
             lines=(*KINDS, "mixed"), rules={rule: course_words(language, rule) for rule in FEEDBACK},
             metrics=_metrics(language), edited=key != NEW and courses.file(key).is_file(), key=key, new=NEW,
             further=courses.further(), course_name=name_of(courses.main),
-            agents=[name for kind in tasks_with("hand") for name in experts(kind) if name != ORACLE],
+            agents={kind: [name for name in experts(kind) if name != ORACLE] for kind in tasks_with("hand")},
             shipped={name: named_course(name).name for name in SHIPPED_COURSES},
         )  # fmt: skip
 

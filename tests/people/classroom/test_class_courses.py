@@ -17,6 +17,7 @@ pytest.importorskip("httpx2", reason="asks the server in its tests: pip install 
 
 from class_room import Room, begun, cut_once, hand, message, sent, to_the_end
 
+from cutenv.agents.policy import experts
 from cutenv.commands import cli
 from cutenv.people.browser import HandCut
 from cutenv.people.browser.stylus_steps import HandPathCut
@@ -269,6 +270,16 @@ def test_an_agent_shows_its_way_along_an_excision(two: Room) -> None:
     other = teacher.post("/teacher/course", data=FIRST | {"0-task": "gentle", "0-expert": "ppo-excision"})
     assert other.status_code == 422
     assert "expert must be" in other.text
+
+
+def test_the_form_lists_agents_by_the_kind_they_can_cut(two: Room) -> None:
+    text = two.teacher().get("/teacher/course").text
+    (first, *_) = re.findall(r'<select name="0-expert">(.*?)</select>', text, re.DOTALL)
+    listed = {
+        kind: tuple(re.findall(r'value="([^"]+)"', options))
+        for kind, options in re.findall(r'<optgroup label="([^"]+)">(.*?)</optgroup>', first, re.DOTALL)
+    }
+    assert listed == {"gentle cut": experts("gentle")[1:], "along a drawn line": experts("path")[1:]}
 
 
 @pytest.mark.parametrize(
