@@ -34,6 +34,8 @@ def main(argv: Sequence[str]) -> int:
         check_line(arguments.line[0], tasks)
     note_missing(arguments.language)
     drawn_given(arguments)  # refuses a file that is no tissue
+    if arguments.page.suffix.lower() not in (".html", ".htm"):
+        raise ValueError(f"PAGE {arguments.page} must end in .html: a browser shows another file as text.")
     made_place("PAGE", arguments.page)
     if arguments.scorm is not None:
         made_place("PACKAGE", arguments.scorm)

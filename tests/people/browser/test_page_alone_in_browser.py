@@ -340,3 +340,11 @@ def test_bad_options_are_named(
     assert single_page.main([str(tmp_path / "cut.html"), *arguments]) == 2
     assert named in capsys.readouterr().err
     assert not (tmp_path / "cut.html").exists()
+
+
+def test_a_page_that_a_browser_would_show_as_text_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert single_page.main([str(tmp_path / "cut.txt"), "--count", "1"]) == 2
+    assert "must end in .html" in capsys.readouterr().err
+    assert not (tmp_path / "cut.txt").exists()
