@@ -545,6 +545,21 @@ def check_place(option: str, folder: Path) -> None:
     check_writable(option, folder if there == folder.absolute() else there)
 
 
+def made_picture(option: str, file: Path) -> Path:
+    """Return the path of a picture to write (.png); make folders.
+
+    Raises
+    ------
+    ValueError
+        If its name does not end in ``.png``, or it is a folder.
+    OSError
+        If its folder cannot be made, or nothing can be written there.
+    """
+    if file.suffix.lower() != ".png":
+        raise ValueError(f"{option} {file} is no PNG. Give a name that ends in .png.")
+    return made_place(option, file)
+
+
 def made_place(option: str, file: Path) -> Path:
     """Return the path of a file to write; make folders.
 

@@ -21,7 +21,7 @@ from cutenv.commands.options import (
     check_place,
     command_parser,
     drawn_given,
-    made_place,
+    made_picture,
     reports_errors,
     target_length,
 )
@@ -67,9 +67,7 @@ def main(argv: Sequence[str]) -> int:
         check_line(arguments.line, [arguments.task])
     drawn_given(arguments)  # refuses a file that is no tissue
     if arguments.picture is not None:
-        if arguments.picture.suffix.lower() != ".png":
-            raise ValueError(f"--picture {arguments.picture} is no PNG. Give a name that ends in .png.")
-        made_place("--picture", arguments.picture)
+        made_picture("--picture", arguments.picture)
     check_place("--out", arguments.out)  # made when everything else is known to be right
     agent = _agent_of(arguments)
     axes = None if arguments.axes is None else HandleAxes.parse(arguments.axes)

@@ -112,6 +112,7 @@ def test_a_file_in_a_folders_place_is_found_too(out, tmp_path, monkeypatch, caps
         assert f"--out {tmp_path / 'file'} is a file; give a folder." in capsys.readouterr().err
 
 
-def test_a_picture_of_play_is_a_png(capsys):
-    assert cli.main(["play", "--picture", "cut.xyz"]) == 2
+@pytest.mark.parametrize("command", ["play", "rig identify fake", "rig speed simulator"])
+def test_a_picture_is_a_png(command, capsys):
+    assert cli.main([*command.split(), "--picture", "cut.xyz"]) == 2
     assert "--picture cut.xyz is no PNG. Give a name that ends in .png." in capsys.readouterr().err

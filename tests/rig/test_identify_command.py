@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from datetime import date
 from pathlib import Path
 
@@ -115,6 +116,7 @@ def test_the_command_prints_a_table_and_draws_a_picture(
     shown = capsys.readouterr().out
     assert "motor_lag [ms]" in shown
     assert "phase error" in shown
+    assert not re.search(r"\de\+\d", shown), "tens of thousands are written out"
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 

@@ -262,7 +262,10 @@ class Identification:
 
 
 def _shown(key: FileKey, value: float | None) -> str:
-    return "-" if value is None else f"{key.from_si(value):.4g}"
+    if value is None:
+        return "-"
+    shown = f"{key.from_si(value):.4g}"
+    return f"{float(shown):.0f}" if "e+" in shown else shown
 
 
 APPROACH = 0.005

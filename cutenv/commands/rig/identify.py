@@ -13,7 +13,7 @@ from pathlib import Path
 
 from cutenv._base.output import check_writable
 from cutenv.agents.sim_to_real.identification import Identification, Plan, identification_from, perform
-from cutenv.commands.options import RIG, command_parser, made_place
+from cutenv.commands.options import RIG, command_parser, made_picture
 from cutenv.commands.rig import reports_rig_errors
 from cutenv.emulation.connection import connected, operator_of, settings_of
 from cutenv.rig.config.settings import RIG_NAMES, RigSettings
@@ -39,7 +39,7 @@ def main(argv: Sequence[str]) -> int:
     if arguments.write:
         check_writable("--write", Path(arguments.rig).absolute().parent)
     if arguments.picture is not None:
-        made_place("--picture", arguments.picture)
+        made_picture("--picture", arguments.picture)
     with connected(arguments.rig) as rig:
         settings = rig.settings
         operator = operator_of(settings)
@@ -70,6 +70,9 @@ def _question(plan: Plan) -> str:
 
 def _report(found: Identification, settings: RigSettings, arguments: argparse.Namespace) -> None:
     print("\n".join(["", *found.table(settings.identified), "", "the fitted model beside sines:", *found.sine_table()]))
+    if arguments.write:
+        write_identified(arguments.rig, found.identified(settings.identified, date.today()))
+        print(f'rig: {arguments.rig}\n  gymnasium.make("cutenv/GentleCut-v1", rig="{arguments.rig}") simulates it')
     if arguments.picture is not None:
         from cutenv.display.report.axis_figures import draw_identification
 
@@ -77,9 +80,6 @@ def _report(found: Identification, settings: RigSettings, arguments: argparse.Na
             arguments.picture, found.drawn_steps(), found.drawn_sines(), title=f"{settings.name}, {date.today()}"
         )
         print(f"picture: {arguments.picture}")
-    if arguments.write:
-        write_identified(arguments.rig, found.identified(settings.identified, date.today()))
-        print(f'rig: {arguments.rig}\n  gymnasium.make("cutenv/GentleCut-v1", rig="{arguments.rig}") simulates it')
 
 
 def _parser() -> argparse.ArgumentParser:

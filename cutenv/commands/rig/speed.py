@@ -18,7 +18,7 @@ from cutenv.commands.options import (
     add_record_options,
     add_specimen_class,
     command_parser,
-    made_place,
+    made_picture,
     reports_errors,
 )
 from cutenv.rig.config.settings import EMULATOR, FAKE
@@ -50,7 +50,7 @@ def main(argv: Sequence[str]) -> int:
     speed = in_range("--speed-cm-s", arguments.speed_cm_s or _USUAL, 0.05, 3.81, "cm/s", "The rig reaches 3.81.") / 100
     given = dict(_gain(text) for text in arguments.gain)
     if arguments.picture is not None:
-        made_place("--picture", arguments.picture)
+        made_picture("--picture", arguments.picture)
     trace = _cut(str(source), speed, given, arguments) if made else chosen_cut(read_records(arguments), arguments.cut)
     from cutenv.records.measurement import speed_tracking
 
