@@ -293,7 +293,8 @@ def test_lines_are_chosen_with_the_specimen(page: Browser) -> None:
 
 
 EXPERT = """(() => {
-  const { page, drawing } = cutenvPage, way = n => Array.from({ length: 101 }, (_, k) => k * n), dashes = window.dashes = [];
+  const { page, drawing } = cutenvPage, dashes = window.dashes = [];
+  const way = n => Array.from({ length: 101 }, (_, k) => k * n);
   page.cut.specimen.expert = { time: way(0.02), position: way(2e-4), angle: way(0).map(() => 1.5), force: way(0.01),
     tip: way(1.9e-4), height: way(0), blade_x: way(2e-4), blade_y: way(0) };
   const strokes = drawing.strokes;
