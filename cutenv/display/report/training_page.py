@@ -136,7 +136,7 @@ def _succeeded(result: TrainingResult, script: str) -> str:
         return ""
     how, sign = ("more", 100.0) if difference["mean"] >= 0.0 else ("less", -100.0)
     mean, *ends = (sign * float(difference[name]) for name in ("mean", "low_95", "high_95"))
-    low, high = (number(end, 1) for end in sorted(ends))
+    low, high = (number(min(max(end, -100.0), 100.0), 1) for end in sorted(ends))
     return f"; it succeeds {number(mean, 1)} points {how} often (95\u00a0% interval {low} to {high})"
 
 

@@ -65,8 +65,8 @@ class Score:
         if row is None:
             return "\u2013"
         mean, low, high = (self.factor * float(row[name]) for name in ("mean", "low_95", "high_95"))
-        if self.unit == "%":  # a normal interval of a share may reach beyond 0 or 100 %
-            low, high = max(low, 0.0), min(high, 100.0)
+        if (least := {"%": 0.0, "percentage points": -100.0}.get(self.unit)) is not None:
+            low, high = max(low, least), min(high, 100.0)  # a normal interval of a share may reach beyond
         return estimate_text(mean, low, high, self.digits)
 
 

@@ -415,3 +415,11 @@ def test_a_missing_matplotlib_is_named_with_the_cure(tmp_path: Path, monkeypatch
 def test_importing_the_report_loads_no_matplotlib() -> None:
     code = "import sys, cutenv.display.report; print('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "False\n"
+
+
+def test_no_interval_of_a_share_reaches_beyond_a_hundred() -> None:
+    low, high = ({"mean": sign * 0.83, "low_95": sign * 0.83 - 0.33, "high_95": sign * 0.83 + 0.33} for sign in (-1, 1))
+    share, points = COLUMNS[1], DIFFERENCES[1]
+    assert share.cell(high) == "83 [50, 100]"
+    assert points.cell(high) == "83 [50, 100]"
+    assert points.cell(low) == "\u221283 [\u2212100, \u221250]"
