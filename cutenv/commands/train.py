@@ -77,9 +77,9 @@ def main(argv: Sequence[str]) -> int:
 
 def _several_tasks(argv: Sequence[str]) -> tuple[list[str], list[str]]:
     """Return several tasks of --task, and the other arguments."""
-    first = argparse.ArgumentParser(prog="cutenv train", add_help=False, allow_abbrev=False)
+    first = _first_parser()
     first.add_argument("--task", nargs="+", default=[])
-    chosen, rest = first.parse_known_args(argv)
+    chosen, rest = _known(first, argv)
     tasks = list(dict.fromkeys(chosen.task))
     return (tasks, rest) if len(tasks) > 1 and not {"-h", "--help"} & set(rest) else ([], [])
 
@@ -88,9 +88,9 @@ def _side_by_side(tasks: Sequence[str], rest: Sequence[str]) -> int:
     """Train several tasks in parallel, after checking all options."""
     from cutenv.agents.learning.side_by_side import train_side_by_side
 
-    named = argparse.ArgumentParser(prog="cutenv train", add_help=False, allow_abbrev=False)
+    named = _first_parser()
     named.add_argument("--name")
-    name, rest = named.parse_known_args(rest)
+    name, rest = _known(named, rest)
     stem = name.name or time.strftime("%Y%m%d-%H%M%S")
     arguments = {task: [*rest, "--task", task, "--name", f"{stem}-{task}"] for task in tasks}
     learner = _learner(rest)
@@ -125,12 +125,28 @@ def training_options(learner: str, argv: Sequence[str]) -> LearnerArguments:
 
 def _learner(argv: Sequence[str]) -> str:
     """Return the learner's name, from run.json if resuming."""
-    first = argparse.ArgumentParser(prog="cutenv train", add_help=False, allow_abbrev=False)
+    first = _first_parser()
     first.add_argument("--learner", choices=LEARNERS)
     first.add_argument("--resume", type=Path, metavar="RUN")
-    chosen, _ = first.parse_known_args(argv)
+    chosen, _ = _known(first, argv)
     known = None if chosen.resume is None else _learner_of(chosen.resume)
     return chosen.learner or known or "ppo"
+
+
+def _first_parser() -> argparse.ArgumentParser:
+    """Return a parser of the few options that are read first."""
+    return argparse.ArgumentParser(prog="cutenv train", add_help=False, allow_abbrev=False, exit_on_error=False)
+
+
+def _known(first: argparse.ArgumentParser, argv: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:
+    """Return what a first parser knows, and the other arguments.
+
+    What is wrong is left to the parser of all options, which says so on one line.
+    """
+    try:
+        return first.parse_known_args(argv)
+    except argparse.ArgumentError:
+        return first.parse_args([]), list(argv)
 
 
 def _learner_of(run: Path) -> str | None:

@@ -17,6 +17,7 @@ from cutenv.agents.learning.options import check_ranges, drawn_as, flag_of, opti
 from cutenv.agents.learning.seeds import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 from cutenv.agents.policy import SCRIPTS
 from cutenv.envs.constants import rig_constants
+from cutenv.envs.tissue_source import TissueSource
 from cutenv.sim.tissue.specimen import CLASSES
 from cutenv.task.registry import TASKS, RegisteredTask, task_of, tasks_in_words
 
@@ -159,6 +160,11 @@ class LearnerArguments:
         check_ranges(self, BadArguments)
         if self.angle_mode == "free" and self.fixed_angle_deg != 90.0:
             raise BadArguments(f"--fixed-angle-deg {self.fixed_angle_deg:g} has no effect without --angle-mode fixed")
+        if self.tissue:
+            try:
+                TissueSource(self.tissue)
+            except (OSError, ValueError) as error:
+                raise BadArguments(f"--tissue: {error}") from None
         if self.rig and self.rigs > 1:
             raise BadArguments(f"--rigs {self.rigs} draws rigs at random, and --rig is one: leave one of them out")
         if self.rigs > self.environments:

@@ -21,6 +21,7 @@ from cutenv.agents.learning.arguments import (
 )
 from cutenv.agents.learning.options import declared, option, parse
 from cutenv.agents.learning.run_folder import add_run_options, run_request
+from cutenv.commands import train
 from cutenv.task.registry import TASKS
 
 
@@ -196,3 +197,20 @@ def test_help_tells_meanings_and_defaults(capsys):
     shown = capsys.readouterr().out
     assert "that are made (default 100)" in shown
     assert "About it." in shown
+
+
+@pytest.mark.parametrize("text", [None, "no JSON", '{"schema": "another"}'])
+def test_a_file_that_is_no_tissue_is_refused_before_anything_is_made(text, tmp_path):
+    path = tmp_path / "tissue.json"
+    if text is not None:
+        path.write_text(text)
+    with pytest.raises(BadArguments, match=r"--tissue: .*tissue\.json"):
+        PPOArguments(tissue=str(path))
+
+
+@pytest.mark.parametrize("given", ["--learner foo", "--learner", "--resume", "--task", "--task gentle depth --name"])
+def test_a_bad_option_is_told_on_one_line(given, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        train.main(given.split())
+    said = capsys.readouterr().err
+    assert (said.count("\n"), said.startswith("cutenv train: ")) == (1, True), said
