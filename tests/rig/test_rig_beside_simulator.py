@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import types
 
 import numpy as np
 import pytest
@@ -154,7 +155,7 @@ def test_a_specimen_is_cut_anew_where_the_computer_lost_time():
 
 def test_a_person_who_stops_it_gets_what_was_cut():
     env = RigCutEnv(rig="fake", **SHORT)
-    interrupted = Interfering(2, lambda: env.session.plant.supervisor.trip(Cause.INTERRUPTED, "SIGINT"))
+    interrupted = Interfering(2, lambda: env.session.plant.supervisor.trip(Cause.INTERRUPTED, "SIGINT", locked=True))
     cuts, _, between = cut_on_rig(env, interrupted, seed=SEED, specimens=3)
     env.close()
     assert [cut.end for cut in cuts] == ["finished"]
@@ -280,3 +281,14 @@ def test_the_command_gives_twins_to_specimens_that_it_shall_not_know(tmp_path, c
         assert ("given a twin in the simulator" in capsys.readouterr().out) == (len(told) == 1)
     assert [each["twins"] for each in told] == [True, False]
     assert all(each["paired"] for each in told)
+
+
+def test_ctrl_c_between_cuts_has_the_status_of_every_command(monkeypatch, capsys):
+    def interrupted(rig, *_, **__):
+        rig.reset(seed=0)
+        rig.session.plant.supervisor.trip(Cause.INTERRUPTED, "SIGINT", locked=True)
+        return types.SimpleNamespace(rig=[], between=["specimen 1: interrupted"])
+
+    monkeypatch.setattr("cutenv.agents.sim_to_real.paired_experiment.paired_experiment", interrupted)
+    assert main(["rig", "evaluate", "--policy", "nothing", "--rig", "fake", "--specimens", "6"]) == 130
+    assert "interrupted" in capsys.readouterr().err

@@ -27,7 +27,7 @@ from cutenv.commands.options import (
     question_given,
     target_length,
 )
-from cutenv.commands.rig import reports_rig_errors
+from cutenv.commands.rig import AFTER_CTRL_C, by_signal, reports_rig_errors
 from cutenv.rig.errors import RigError
 from cutenv.task.registry import TASKS
 
@@ -57,13 +57,16 @@ def main(argv: Sequence[str]) -> int:
         return decide(arguments)
     if arguments.policies or arguments.policy is None:
         raise ValueError("give --policy POLICY to compare a rig with the simulator, or POLICY OTHER --until decided.")
-    evaluation = _evaluated(arguments)
+    evaluation, interrupted = _evaluated(arguments)
     print("\n".join(evaluation.lines()))
     _write(arguments, evaluation)
+    if interrupted:
+        return AFTER_CTRL_C
     return DIFFER if evaluation.agreement.verdict.answer == "differ" else AGREE
 
 
-def _evaluated(arguments: argparse.Namespace) -> Evaluation:
+def _evaluated(arguments: argparse.Namespace) -> tuple[Evaluation, bool]:
+    """Return the comparison, and whether Ctrl-C ended the cuts on the rig."""
     from cutenv.agents.sim_to_real import FEWEST_SPECIMENS
     from cutenv.agents.sim_to_real.comparison_report import Evaluation
     from cutenv.agents.sim_to_real.paired_experiment import paired_experiment, save_records
@@ -89,12 +92,16 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
         )  # fmt: skip
         given = simulator_keywords(rig.settings)
         name = _rig_name(arguments.rig, rig)
+        stop = rig.session.plant.supervisor.report
+    interrupted = stop is not None and by_signal(stop.cause)
     if len(cuts.rig) < FEWEST_SPECIMENS:
+        if interrupted:
+            raise KeyboardInterrupt
         said = "; ".join(cuts.between)
         raise RigError(f"{len(cuts.rig)} specimens were cut on the rig, and {FEWEST_SPECIMENS} are needed. {said}")
     if out is not None:
         save_records(out / _RECORDS / "simulator", cuts.simulator, {"policy": arguments.policy})
-    return Evaluation(
+    evaluation = Evaluation(
         policy=str(arguments.policy),
         rig=name,
         specimen_class=arguments.specimen_class,
@@ -110,6 +117,7 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
             * bool(changed)
         ),
     )
+    return evaluation, interrupted
 
 
 def _shared(arguments: argparse.Namespace, wanted: Mapping[str, Any]) -> dict[str, Any]:
