@@ -233,6 +233,11 @@ _RIG, _SIMULATOR = "#d55e00", "#0072b2"
 _FARTHEST = 4.0  # margins beyond which a difference is drawn at the edge
 
 
+def in_margins(end: float, margin: float) -> float:
+    """Return a difference in margins, at most at the edge; a margin may be 0."""
+    return float(np.clip(end / margin if margin else np.sign(end) * _FARTHEST, -_FARTHEST, _FARTHEST))
+
+
 def differences_figure(findings: Sequence[Finding], width: float) -> Figure:
     """Draw every measure's difference with interval, in margins from -1 to 1."""
     phone = width < PHONE_WIDTH
@@ -244,8 +249,7 @@ def differences_figure(findings: Sequence[Finding], width: float) -> Figure:
     told: set[str] = set()
     for row, each in enumerate(findings):
         low, value, high = (
-            float(np.clip(end / each.shift.margin, -_FARTHEST, _FARTHEST))
-            for end in (each.shift.low, each.shift.value, each.shift.high)
+            in_margins(end, each.shift.margin) for end in (each.shift.low, each.shift.value, each.shift.high)
         )
         colour, marker = VERDICT_COLOURS[each.answer], _MARKERS[each.answer]
         axes.plot([low, high], [-row, -row], color=colour, linewidth=2.0, solid_capstyle="butt")

@@ -21,6 +21,7 @@ from cutenv.agents.sim_to_real import (
     position_rmse,
     signed_rank_shift,
 )
+from cutenv.agents.sim_to_real.comparison_report import in_margins
 from cutenv.agents.sim_to_real.measures import force_offset
 from cutenv.records.scoring import METRICS
 from cutenv.sim.trace import Trace
@@ -232,3 +233,8 @@ def test_holm_is_as_published() -> None:
 def test_too_few_differences_are_refused_and_so_is_no_number(bad: list[float]) -> None:
     with pytest.raises(ValueError, match="differences"):
         signed_rank_shift(bad, 1.0)
+
+
+def test_a_measure_of_zeros_whose_margin_is_zero_is_drawn() -> None:
+    assert [in_margins(end, 0.0) for end in (0.0, 1.0, -1.0)] == [0.0, 4.0, -4.0]
+    assert in_margins(0.5, 0.25) == 2.0
