@@ -91,6 +91,27 @@ def rig_constants(rig: str | Path, *, drive: str = "rig") -> dict[str, float]:
     return measured
 
 
+def _kinds(drive: str) -> dict[str, Any]:
+    return {
+        "drive": DRIVES[one_of("drive", drive, DRIVES)],
+        "sensor": SensorParameters,
+        "wear": BladeWear,
+        "law": LawParameters,
+        "weights": RewardWeights,
+        "limits": Limits,
+        "knowledge": Knowledge,
+    }
+
+
+def keyword_owners(drive: str = "rig") -> dict[str, tuple[str, str]]:
+    """Return group and field of every keyword of an environment that is one of its constants."""
+    return {
+        (_PREFIX if group == "weights" else "") + field.name: (group, field.name)
+        for group, kind in _kinds(drive).items()
+        for field in dataclasses.fields(kind)
+    }
+
+
 @dataclass(frozen=True, kw_only=True)
 class Constants:
     """Constants of an episode, except those of the specimen."""
@@ -118,20 +139,8 @@ class Constants:
         ValueError
             For a value out of range.
         """
-        kinds: dict[str, Any] = {
-            "drive": DRIVES[one_of("drive", drive, DRIVES)],
-            "sensor": SensorParameters,
-            "wear": BladeWear,
-            "law": LawParameters,
-            "weights": RewardWeights,
-            "limits": Limits,
-            "knowledge": Knowledge,
-        }
-        owner = {
-            (_PREFIX if group == "weights" else "") + field.name: (group, field.name)
-            for group, kind in kinds.items()
-            for field in dataclasses.fields(kind)
-        }
+        kinds = _kinds(drive)
+        owner = keyword_owners(drive)
         chosen: dict[str, dict[str, float]] = {group: {} for group in kinds}
         tissue = {field.name for field in dataclasses.fields(TissueDescription)}
         for keyword, value in keywords.items():

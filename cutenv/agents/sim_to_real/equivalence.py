@@ -26,6 +26,7 @@ FEWEST_SPECIMENS = 6
 """Smallest number of specimens: with five, no signed-rank interval reaches 95 %."""
 _POWER = 0.842  # normal quantile of 80 %, the power for the number of specimens needed
 _ALPHA = 1.0 - CONFIDENCE
+_NOTHING = "it is 0 in every cut, on both sides"
 _MOST = 1000  # largest number of specimens that is given as needed
 
 
@@ -368,6 +369,8 @@ class Agreement:
             return Inconclusive(f"{len(known)} specimens have it on both sides, and {FEWEST_SPECIMENS} are needed")
         rig, simulator = np.array([own for own, _ in known]), np.array([theirs.mean() for _, theirs in known])
         noise, margin = _margin(measure, [theirs for _, theirs in known], self.simulator)
+        if not (margin or rig.any()):
+            return Inconclusive(_NOTHING)
         if self.twins and measure.paired:
             margin = max(margin, abs(float(simulator.mean())) * (not measure.share))
         differences = rig - simulator
@@ -392,6 +395,8 @@ class Agreement:
             return Inconclusive(f"{len(rig)} cuts of the rig and {len(known)} specimens of the simulator have it")
         simulator = np.array([theirs.mean() for theirs in known])
         noise, margin = _margin(measure, known, self.simulator)
+        if not (margin or rig.any()):
+            return Inconclusive(_NOTHING)
         counted = [np.append(each, [0.0, 1.0]) if measure.share else each for each in (rig, simulator)]
         parts = [float(each.var(ddof=1)) / len(each) for each in counted]
         square = sum(parts)

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cutenv._base.output import progress_bar
+from cutenv._base.validation import nearest_choices
 from cutenv.commands.options import (
     RIG,
     add_question,
@@ -221,11 +222,16 @@ def _rig_name(given: str, rig: RigCutEnv) -> str:
 
 
 def _constant(text: str) -> tuple[str, float]:
+    from cutenv.envs.constants import keyword_owners
+
     name, _, value = text.partition("=")
     try:
-        return name.strip(), float(value)
+        changed = name.strip(), float(value)
     except ValueError:
         raise ValueError(f"--change {text!r} is no NAME=NUMBER, such as force_delay=0.04 (SI).") from None
+    if changed[0] not in (known := keyword_owners()):
+        raise ValueError(f"--change {text!r}: no constant has that name.{nearest_choices(changed[0], known)}")
+    return changed
 
 
 def _check_out(arguments: argparse.Namespace) -> None:

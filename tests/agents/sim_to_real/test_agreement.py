@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -14,6 +15,7 @@ from cutenv.agents.sim_to_real import (
     MEASURES,
     Agreement,
     ClockKept,
+    equivalence,
     force_over_position,
     force_rmse,
     holm,
@@ -238,3 +240,12 @@ def test_too_few_differences_are_refused_and_so_is_no_number(bad: list[float]) -
 def test_a_measure_of_zeros_whose_margin_is_zero_is_drawn() -> None:
     assert [in_margins(end, 0.0) for end in (0.0, 1.0, -1.0)] == [0.0, 4.0, -4.0]
     assert in_margins(0.5, 0.25) == 2.0
+
+
+@pytest.mark.parametrize("paired", [True, False])
+def test_what_is_nothing_in_every_cut_is_no_open_question(paired: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    nothing = dataclasses.replace(MEASURES["return"], value=lambda cut, simulated: 0.0, least_margin=0.0)
+    monkeypatch.setattr(equivalence, "measures_of", lambda cuts: {"return": nothing})
+    agreement = made_up_agreement.__wrapped__(paired=paired)
+    assert not agreement.findings
+    assert agreement.not_compared == {"return": "it is 0 in every cut, on both sides"}
