@@ -34,7 +34,7 @@ _log = logging.getLogger(__name__)
 class Receiver(Observer, Protocol):
     """Receiver of what drivers have reported, once it is judged.
 
-    Called in their threads, and must never wait.
+    Called in the loop, or in a thread of theirs, and must never wait.
     """
 
     def garbled(self, why: str, time: float) -> None:
@@ -199,7 +199,7 @@ class Spine:
         return self.sensor.tare(min(max(round(self.sensor.rate), _FEWEST), _MOST))
 
     # Reports of the drivers go to the supervisor first. Whatever time they give, that of their arrival here counts; and
-    # whatever they hold, a report that cannot be judged is a fault, not the end of the driver's thread.
+    # whatever they hold, a report that cannot be judged is a fault, and ends neither loop nor driver's thread.
 
     def _failed(self, why: str) -> None:
         self.supervisor.trip(Cause.EXCEPTION, why)

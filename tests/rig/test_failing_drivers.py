@@ -16,7 +16,7 @@ from waiting import until
 
 from cutenv.emulation.fake_rig import FakeRig
 from cutenv.rig import spine
-from cutenv.rig.devices.host import SystemClock
+from cutenv.rig.devices.host import SystemClock, next_due
 from cutenv.rig.devices.protocols import DriveState, ForceSample
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.stop_causes import AGAIN, WITHHOLD_HEARTBEAT_AFTER, Cause, RigStopped
@@ -249,6 +249,13 @@ def test_an_action_that_raises_ends_no_other():
     ended = len(seen)
     assert clock.every(1.0, seen.append, "later") is not None
     assert len(seen) == ended
+
+
+@pytest.mark.parametrize("period", [0.0005, 0.002, 0.005, 0.04])
+@pytest.mark.parametrize("since", [0.0, 1e-9, 0.0002, 0.00049])
+def test_actions_are_due_at_multiples_of_their_period_so_that_one_waking_does_for_all(period, since):
+    machine = 81_234 * 0.04  # [s] when all of them are due
+    assert next_due(machine + since, period) == pytest.approx(machine + period, abs=1e-9)
 
 
 # What the drive itself tells is judged in motion.

@@ -68,6 +68,17 @@ def test_a_flag_that_the_latch_does_not_hold_is_one_that_is_known() -> None:
     assert {flag.replace("CanopenAxis._may_move", "AxisDriver._may_move") for flag in flags()} == set(FLAGS)
 
 
+def test_bus_and_sensor_are_read_by_the_loop() -> None:
+    """Two threads judge a rig of a CAN bus and a Net F/T: the loop, and the one that takes commands."""
+    began = {
+        name
+        for name in TRUSTED
+        for node in ast.walk(ast.parse((ROOT / "cutenv" / "rig" / name).read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "threading.Thread"
+    }
+    assert began == {"devices/host.py", "spine_process.py", "safety/oversight.py"}
+
+
 def test_the_page_says_how_much_has_to_be_believed() -> None:
     lines = sum(len((ROOT / "cutenv" / "rig" / name).read_text(encoding="utf-8").splitlines()) for name in TRUSTED)
     made = calls()

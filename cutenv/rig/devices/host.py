@@ -106,7 +106,7 @@ class SystemClock:
         """
         turn = _Turn(period, action, name, self._left)
         with self._changed:
-            self._due.add(_next(self.now(), period), turn)
+            self._due.add(next_due(self.now(), period), turn)
             if self._thread is None:
                 self._thread = threading.Thread(target=self._run, name="rig loop", daemon=True)
                 self._thread.start()
@@ -132,7 +132,7 @@ class SystemClock:
                 self.failed(f"{turn.name} failed: {type(error).__name__}: {error}")
             with self._changed:
                 self._running = None
-                self._due.add(_next(max(due, self.now()), turn.period), turn)
+                self._due.add(next_due(max(due, self.now()), turn.period), turn)
                 self._changed.notify_all()
 
     def _left(self, turn: _Turn) -> None:
@@ -143,7 +143,7 @@ class SystemClock:
             self._changed.notify_all()
 
 
-def _next(moment: float, period: float) -> float:
+def next_due(moment: float, period: float) -> float:
     """Return the first multiple of a period after a moment [s]: actions that are due together cost one waking."""
     return (math.floor(moment / period + 1e-3) + 1) * period
 

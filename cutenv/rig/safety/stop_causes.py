@@ -301,7 +301,7 @@ class QuickStops:
             self.send(name)
 
     def send(self, name: str) -> None:
-        """Send a quick stop from this thread, which is the driver's own or one that it has just held up."""
+        """Send a quick stop from this thread, to a driver that has just reported or returned."""
         with suppress(Exception):  # the bus is off, or the driver fails: the drive's own heartbeat watchdog stops it
             self._axes[name].quick_stop(for_good=name in self._contested)
 

@@ -38,8 +38,8 @@ class Supervisor:
 
     Puts a quick stop on the bus at the first breach, and keeps the rig stopped.
 
-    The drivers' threads and the watchdog report to it, and every command passes through it. It refuses all motion until
-    :meth:`release`; after a stop, :meth:`reset` has to come first.
+    The loop, and drivers with a thread of their own, report to it, and every command passes through it. It refuses all
+    motion until :meth:`release`; after a stop, :meth:`reset` has to come first.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ class Supervisor:
     # Reports from the drivers
 
     def force(self, sample: ForceSample) -> None:
-        """Check one force reading; over-force is detected entirely here, in the thread that received the packet."""
+        """Check one force reading; over-force is detected entirely here, as the packet is received."""
         breach = self._forces.check(
             sample, moving=any(speed != 0.0 for axis, speed in self._told.items() if axis != "angle")
         )
