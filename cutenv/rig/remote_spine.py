@@ -51,7 +51,7 @@ _CALLS_WITHIN = 60.0  # [s] for power, tare, reset; each driver has its own, sho
 _COMMANDS_WITHIN = 0.5  # [s] for a command to be on the bus
 _HEARD_WITHIN = 0.2  # [s] for the spine to hear a stop, after which the line is ended
 _STOPS_WITHIN = 0.5  # [s] for a stop that is asked for to be under way
-_SILENT = 0.5  # [s] without a sample, from which the program knows nothing of the blade any more
+_SILENT = 0.2  # [s] without a sample, from which the program knows nothing of the blade any more
 _HEARS_EVERY = 1.0  # [s] of samples that are taken in at a time, at most
 _LOOK = 0.0005  # [s] between two looks for an answer through the memory
 

@@ -332,7 +332,7 @@ def test_readings_that_are_lost_or_do_not_come_are_a_stop(lost):
     spine.hear()
     assert [why.partition(":")[0] for why in asked] == ["1 readings of the spine are lost"] * lost
     if not lost:
-        spine._heard_at -= 0.6  # seconds ago
+        spine._heard_at -= 0.25  # seconds ago
         spine.hear()
         spine.hear()
         assert [why.partition(":")[0] for why in asked] == ["nothing comes from the spine any more"]
