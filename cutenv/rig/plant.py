@@ -390,6 +390,7 @@ class RigPlant(Travel):
         RigStopped
             If the blade was stopped; it is then at rest, and the error holds the readings until that moment.
         """
+        self.owner.check()
         if in_range("ticks", ticks, 1, 10**7, "1", "Give a whole number of milliseconds.") % 1.0:
             raise ValueError(f"ticks = {ticks:g} is not a whole number of milliseconds.")
         if descent_speed:

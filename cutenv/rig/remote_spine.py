@@ -38,7 +38,7 @@ from multiprocessing.connection import Connection
 from typing import Any, NoReturn
 
 from cutenv.rig.config.settings import RigSettings, SafetyLimits
-from cutenv.rig.devices.host import SystemClock
+from cutenv.rig.devices.host import Owner, SystemClock
 from cutenv.rig.devices.protocols import ForceSample, MotionSample, Phase
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.oversight import SIGNALS
@@ -90,6 +90,7 @@ class RemoteSpine:
         self.pid = 0
         self._axes = list(settings.axes)
         self._receiver: Receiver | None = None
+        self._owner = Owner()
         self._process: subprocess.Popen[bytes] | None = None
         self._line: Connection
         self._link: Link
@@ -117,7 +118,7 @@ class RemoteSpine:
         """
         if os.name == "nt":
             raise RigError("a rig is moved from Linux or macOS: there its safety has a process of its own.")
-        self._receiver = receiver
+        self._receiver, self._owner = receiver, Owner()
         self._start()
         try:
             found = self.call("open")
@@ -187,6 +188,7 @@ class RemoteSpine:
         RigError, ValueError
             As it does; or if it has ended, or does not answer.
         """
+        self._owner.check()
         with self._calling:
             number = next(self._numbers)
             self._send(pickle.dumps((number, name, arguments, named)))
@@ -200,6 +202,7 @@ class RemoteSpine:
 
     def command(self, mark: bytes, *numbers: float) -> float | None:
         """Send a command; return the angle to turn to [rad], or None for a driver that does not return from it."""
+        self._owner.check()
         with self._calling:
             number = next(self._numbers)
             self._send(COMMAND.pack(mark, number, os.getppid(), self.clock.now(), *numbers))
@@ -262,8 +265,8 @@ class RemoteSpine:
 
     def hear(self) -> None:
         """Take in what the spine has reported since the last time."""
-        if self._process is None or self._hearer == threading.get_ident():
-            return  # the latter in a signal's handler, which has interrupted it
+        if self._process is None or not self._owner.here or self._hearer == threading.get_ident():
+            return  # in a fork, whose copy of the lock nobody gives back, or in a signal's handler, which interrupts it
         with self._hearing:
             self._hearer = threading.get_ident()
             try:

@@ -174,6 +174,25 @@ def test_a_stop_that_the_program_asks_for_is_under_way_when_it_goes_on(record):
     assert told(record)[-1]["what"] == "closed"
 
 
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
+@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
+@pytest.mark.parametrize("use", [lambda plant: plant.advance(0.01, UPRIGHT, 20), lambda plant: plant.supervisor.lock()])
+def test_a_fork_is_refused_though_a_lock_was_held_when_it_was_made(record, use):
+    """Nobody gives the fork's copy of a lock back: whatever waits for it would wait for ever."""
+    plant = ready()
+    with plant.spine._hearing, plant.spine._calling:
+        child = os.fork()
+        if not child:
+            signal.alarm(5)
+            try:
+                use(plant)
+            except RigError as error:
+                os._exit(7 if "is a fork" in str(error) else 8)
+            os._exit(9)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 7
+    plant.close()
+
+
 def test_it_moves_and_measures_as_a_spine_in_this_process_does(record):
     """Both follow the same commands, each on the machine's clock: they differ by how late a command was."""
     readings = []

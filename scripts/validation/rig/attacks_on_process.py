@@ -18,6 +18,8 @@ from typing import Any
 from cutenv.rig.errors import RigError
 from scripts.validation.rig.attack_scene import Attack, Scene, named
 
+_FORK_ENDS = 0.5  # [s] for a child that may do nothing
+
 
 def paused(pid: int, seconds: float) -> None:
     """Stop a process, and let another one continue it after ``seconds``."""
@@ -149,7 +151,12 @@ def forked_child(scene: Scene) -> None:
             with suppress(RigError):
                 action()
         os._exit(0)
-    os.waitpid(child, 0)
+    ends = time.monotonic() + _FORK_ENDS
+    while os.waitpid(child, os.WNOHANG) == (0, 0):
+        if time.monotonic() > ends:
+            os.kill(child, signal.SIGKILL)
+            scene.note(f"! the child had not ended after {_FORK_ENDS:g} s")
+        time.sleep(0.01)
 
 
 def closed_by_another_thread(scene: Scene) -> None:
