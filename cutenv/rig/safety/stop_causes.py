@@ -288,8 +288,9 @@ class QuickStops:
             if not (hangs := name in self._attempts and self._attempts[name].under_way):
                 self._attempt(name).ends(RETURNS_WITHIN)
             # The time counts from the first sample seen after the stop: a drive whose bus is off hears nothing, and may
-            # come back late.
-            if (seen or hangs) and now - self._deaf_since.setdefault(name, now) >= WITHHOLD_HEARTBEAT_AFTER:
+            # come back late. A driver that hangs is known since the stop, which has waited for it.
+            since = self._deaf_since.setdefault(name, report.detected if hangs else now)
+            if (seen or hangs) and now - since >= WITHHOLD_HEARTBEAT_AFTER:
                 self._deaf_since[name] = math.inf  # once
                 report.detail += f" (the {name} drive ignores the quick stop: our heartbeat ends)"
                 self._fall_silent(name)
