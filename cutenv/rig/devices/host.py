@@ -64,7 +64,7 @@ class Clock(Protocol):
         ...
 
     def every(self, period: float, action: Callable[[float], None], name: str) -> Repeating:
-        """Call ``action(now)`` every ``period`` [s], after one period; skip missed calls."""
+        """Call ``action(now)`` every ``period`` [s], first within one; skip missed calls."""
         ...
 
 
