@@ -273,7 +273,9 @@ class RemoteSpine:
                 missed = self._take_in()
             finally:
                 self._hearer = 0
-        if self.supervisor.last_phase is Phase.READY and (missed or self.clock.now() - self._heard_at > _SILENT):
+        if self.supervisor.last_phase is not Phase.READY or self.supervisor.heard < self._asked:
+            return  # nothing moves, or a stop is asked for already, and is the reason
+        if missed or self.clock.now() - self._heard_at > _SILENT:
             self._heard_at = math.inf  # until the next comes
             why = f"{missed} readings of the spine are lost" if missed else "nothing comes from the spine any more"
             self.ask_for_stop(Cause.EXCEPTION, f"{why}: it is paused, or something wrote to its memory")

@@ -330,7 +330,7 @@ def test_close_stops_the_stream_and_may_be_called_twice_and_open_again(server):
         sensor.close()
         sensor.close()
         wait_for(lambda: server.clients == 0)
-        assert not [thread for thread in threading.enumerate() if thread.name == "rig loop"]
+        wait_for(lambda: not [thread for thread in threading.enumerate() if thread.name == "rig loop"])
         feed, again = Feed(server), Kept()
         sensor.open(again)
         feed.close()
