@@ -119,6 +119,8 @@ class RemoteSpine:
         if os.name == "nt":
             raise RigError("a rig is moved from Linux or macOS: there its safety has a process of its own.")
         self._receiver, self._owner = receiver, Owner()
+        self._asked = self.supervisor.heard = 0
+        self._closing, self._heard_at, self._why_ended, self.lost = False, 0.0, "", None
         self._start()
         try:
             found = self.call("open")

@@ -174,6 +174,22 @@ def test_a_stop_that_the_program_asks_for_is_under_way_when_it_goes_on(record):
     assert told(record)[-1]["what"] == "closed"
 
 
+def test_a_rig_that_is_opened_again_is_watched_as_at_first(record):
+    plant = ready()
+    plant.close()
+    plant.open()
+    plant.power()
+    plant.clock.sleep_until(plant.clock.now() + 0.1)
+    plant.supervisor.release()
+    plant.begin()
+    assert len(plant.advance(0.01, UPRIGHT, 20)) == 20
+    os.kill(plant.spine.pid, signal.SIGKILL)
+    until(lambda: plant.spine.supervisor.phase == "stopped")
+    with pytest.raises(RigStopped, match="ended by SIGKILL; without its heartbeat"):
+        plant.advance(0.01, UPRIGHT, 20)
+    plant.close()
+
+
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
 @pytest.mark.parametrize("use", [lambda plant: plant.advance(0.01, UPRIGHT, 20), lambda plant: plant.supervisor.lock()])
