@@ -21,7 +21,7 @@ from cutenv.rig.operation.preflight import SETTLE, prepare
 from cutenv.rig.safety.stop_causes import Cause, RigStopped
 from cutenv.sim.tissue.specimen import Specimen
 
-TODAY = date.today()
+TODAY = date.today() + timedelta(days=1)  # settings that are made past midnight are no younger
 
 
 def opened(**changes) -> FakeRig:
