@@ -1,4 +1,4 @@
-"""Emulated and fake rigs, beside the rig that moves hardware.
+"""Emulated and fake rigs, apart from the code that moves hardware.
 
 - :mod:`~cutenv.emulation.connection`: connection to a rig by its name: emulated, fake, or that of a file;
 - :mod:`~cutenv.emulation.process`: the emulated rig in a process of its own, on the same wires as a real one;

@@ -6,9 +6,9 @@
 - :mod:`~cutenv.rig.config`: a rig's settings, calibrations and identified constants;
 - ``spine``, ``spine_process``, ``remote_spine``: the process of its own in which safety and drivers run.
 
-Where a blade moves, all of it but the drivers that the rig's file does not name has to be believed. Further drivers
-(:mod:`cutenv.drivers`) and emulated rigs (:mod:`cutenv.emulation`) stand beside it: the former are loaded by name
-alone, if the file names them, and of the latter nothing is known here.
+Where a blade moves, all of it but the drivers that the rig's file does not name has to be believed. Optional drivers
+(:mod:`cutenv.drivers`) are loaded by name alone, if the file names them; emulated rigs (:mod:`cutenv.emulation`) never
+are.
 
 May import: vision, task, records, sim.
 """

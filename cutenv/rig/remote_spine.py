@@ -268,7 +268,7 @@ class RemoteSpine:
     def hear(self) -> None:
         """Take in what the spine has reported since the last time."""
         if self._process is None or not self._owner.here or self._hearer == threading.get_ident():
-            return  # in a fork, whose copy of the lock nobody gives back, or in a signal's handler, which interrupts it
+            return  # a fork's copy of the lock is never released; a signal's handler has interrupted this
         with self._hearing:
             self._hearer = threading.get_ident()
             try:

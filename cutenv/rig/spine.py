@@ -199,7 +199,7 @@ class Spine:
         return self.sensor.tare(min(max(round(self.sensor.rate), _FEWEST), _MOST))
 
     # Reports of the drivers go to the supervisor first. Whatever time they give, that of their arrival here counts; and
-    # whatever they hold, a report that cannot be judged is a fault, and ends neither loop nor driver's thread.
+    # a report that cannot be judged, for any reason, is a fault, and ends neither loop nor driver's thread.
 
     def _failed(self, why: str) -> None:
         self.supervisor.trip(Cause.EXCEPTION, why)

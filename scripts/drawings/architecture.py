@@ -37,7 +37,7 @@ ROWS = (
     (Wing(("agents",), "policies, learners, comparison of simulator and rig", "#3f8f6b"),),
     (Wing(("envs",), "Gymnasium environments", "#3f8f6b"),),
     (Wing(("emulation",), "emulated rig on real wires, fake rig in memory", "#b5574a"),),
-    (Wing(("drivers",), "further drivers of a rig, and the conformance of anybody's", "#b5574a"),),
+    (Wing(("drivers",), "optional drivers of a rig, conformance tests", "#b5574a"),),
     (
         Wing(("rig",), "safety, drivers, operation", "#b5574a"),
         Wing(("display",), "pictures of a cut, report pages", "#8a6fb0"),

@@ -62,7 +62,7 @@ class HandMovedNetwork(CanNetwork):
         self._use(self, Message)
 
     def shutdown(self) -> None:
-        """As python-can's bus."""
+        """Do nothing: there is no bus to leave."""
 
     def send(self, message: Message, timeout: float) -> None:
         """As python-can's bus: to the drive."""
@@ -85,7 +85,7 @@ class HandMovedNetwork(CanNetwork):
         self._coming.append((self._clock.now() + self.way, Frame(number, data)))
 
     def recv(self, timeout: float) -> Message | None:
-        """As python-can's bus: the next frame that has arrived."""
+        """Return the next frame that has arrived, or None."""
         if not self._coming or self._coming[0][0] > self._clock.now() + 1e-9:
             return None
         frame = self._coming.popleft()[1]

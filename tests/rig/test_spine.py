@@ -194,7 +194,7 @@ def test_a_rig_that_is_opened_again_is_watched_as_at_first(record):
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
 @pytest.mark.parametrize("use", [lambda plant: plant.advance(0.01, UPRIGHT, 20), lambda plant: plant.supervisor.lock()])
 def test_a_fork_is_refused_though_a_lock_was_held_when_it_was_made(record, use):
-    """Nobody gives the fork's copy of a lock back: whatever waits for it would wait for ever."""
+    """The fork's copy of a held lock is never released: waiting for it would never end."""
     plant = ready()
     with plant.spine._hearing, plant.spine._calling:
         child = os.fork()

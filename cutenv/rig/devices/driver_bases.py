@@ -373,7 +373,7 @@ class StreamedSensor(ABC):
         self._receiving = self._clock.every(READ_EVERY, lambda now: receive(), self.name)
 
     def _stop(self) -> None:
-        """End that."""
+        """End the repeated call of ``receive``."""
         receiving, self._receiving = self._receiving, None
         if receiving is not None:
             receiving.stop()

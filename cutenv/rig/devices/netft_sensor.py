@@ -492,7 +492,7 @@ class NetftSensor(StreamedSensor):
                 packet, sender = opened.recvfrom(2048)
             except BlockingIOError:
                 return
-            except ConnectionError:  # some systems report here that nobody listens there: readings are missed
+            except ConnectionError:  # some systems report here that no sensor listens there: readings are missed
                 continue
             except OSError as error:
                 self.garbled(f"the network broke down: {error}", clock.now())
