@@ -20,9 +20,10 @@ from stage_in_memory import Judge, settings
 from waiting import until
 
 from cutenv.emulation.fake_rig import FakeRig
-from cutenv.rig.config.settings import Bus, fake_settings
+from cutenv.rig.config.settings import Bus, SensorSettings, fake_settings
 from cutenv.rig.devices.canopen.network import CanNetwork
-from cutenv.rig.devices.host import FakeClock, SystemClock
+from cutenv.rig.devices.host import AT_ONCE, FakeClock, SystemClock
+from cutenv.rig.devices.netft_sensor import NetftSensor
 from cutenv.rig.devices.protocols import DriveState, ForceSample, Latch, MotionSample, Phase
 from cutenv.rig.devices.serial.board import SerialBoard
 from cutenv.rig.errors import RigError
@@ -163,6 +164,33 @@ def test_an_answer_to_another_master_that_fails_is_no_failure_of_the_reader():
         rig.plant.spine.foreign("blade", "RPDO1", rig.clock.now())
         rig.clock.sleep_until(rig.clock.now() + 0.001)
     assert report_of(rig).cause is Cause.FOREIGN
+
+
+def another_frame(limit: float) -> SimpleNamespace:
+    """Return one more frame, as often as it is asked for."""
+    kinds = dict.fromkeys(("is_error_frame", "is_remote_frame", "is_extended_id"), False)
+    return SimpleNamespace(arbitration_id=0x7FF, data=b"", **kinds)
+
+
+def test_a_flood_of_frames_or_packets_holds_the_loop_up_for_no_longer_than_its_share():
+    network = CanNetwork(Bus(), FakeClock())
+    frames: list[int] = []
+    network.listen(0x7FF, lambda data, time: frames.append(1))
+    network._read(SimpleNamespace(recv=another_frame))
+    assert len(frames) == AT_ONCE
+    sensor = NetftSensor(SensorSettings(address="127.0.0.1"), FakeClock())
+    sensor._receive(SimpleNamespace(recvfrom=lambda most: (b"", ("somewhere", 1))))
+    assert sensor.counters.foreign == AT_ONCE
+
+
+def test_a_bus_that_breaks_while_a_command_is_sent_is_reported_by_the_loop():
+    """Whoever sends may hold the lock that a member needs to stop the blade."""
+    network, lost = CanNetwork(Bus(), FakeClock()), []
+    network._members.append(SimpleNamespace(name="blade", latch=Latch(), lost=lambda why, time: lost.append(why)))
+    network._break("the cable is out")
+    assert not lost
+    network._read(SimpleNamespace(recv=lambda limit: None))
+    assert lost == ["the cable is out"]
 
 
 @pytest.mark.promise("S7")
