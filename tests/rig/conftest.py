@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -20,3 +22,15 @@ def quick_return() -> Iterator[None]:
         patch.setattr("cutenv.rig.operation.session.RETURN_SPEED", 0.025)
         patch.setattr("cutenv.rig.config.settings.HEIGHT", replace(HEIGHT, raised=0.003))
         yield
+
+
+@pytest.fixture(autouse=True)
+def no_loop_left() -> Iterator[None]:
+    """Fail a test after which a rig's loop goes on: a clock or a driver was not stopped."""
+    before = set(threading.enumerate())
+    yield
+    ends, left = time.monotonic() + 2.0, True
+    while left and time.monotonic() < ends:
+        left = [each for each in threading.enumerate() if each.name == "rig loop" and each not in before]
+        time.sleep(0.002 if left else 0.0)
+    assert not left, "a rig's loop goes on after the test"

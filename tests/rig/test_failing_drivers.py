@@ -250,8 +250,9 @@ def test_an_action_that_raises_ends_no_other():
         turn.stop()
     until(lambda: clock._thread is None)
     ended = len(seen)
-    assert clock.every(1.0, seen.append, "later") is not None
-    assert len(seen) == ended
+    later = clock.every(1.0, seen.append, "later")
+    assert later is not None and len(seen) == ended
+    later.stop()
 
 
 @pytest.mark.parametrize("period", [0.0005, 0.002, 0.005, 0.04])

@@ -303,11 +303,11 @@ def test_a_tare_needs_an_open_sensor_and_enough_readings(server):
 
 
 def test_where_no_reading_comes_the_error_says_what_to_check(server):
-    server.faults.silent = True
+    others, server.faults.silent = set(threading.enumerate()), True
     sensor = NetftSensor(settings_of(server), SystemClock())
     with pytest.raises(RigError, match=r"No reading came .* RDT is enabled .* firewall"):
         sensor.open(Kept())
-    assert not [thread for thread in threading.enumerate() if thread.name == "force sensor"]
+    wait_for(lambda: not [each for each in threading.enumerate() if each.name == "rig loop" and each not in others])
 
 
 def test_where_no_page_answers_nothing_is_opened(server):
@@ -324,13 +324,14 @@ def test_an_address_that_is_none_is_a_readable_error(server):
 
 
 def test_close_stops_the_stream_and_may_be_called_twice_and_open_again(server):
+    others = set(threading.enumerate())
     with streaming(server) as (sensor, _):
         with pytest.raises(RigError, match="open already"):
             sensor.open(Kept())
         sensor.close()
         sensor.close()
         wait_for(lambda: server.clients == 0)
-        wait_for(lambda: not [thread for thread in threading.enumerate() if thread.name == "rig loop"])
+        wait_for(lambda: not [each for each in threading.enumerate() if each.name == "rig loop" and each not in others])
         feed, again = Feed(server), Kept()
         sensor.open(again)
         feed.close()
