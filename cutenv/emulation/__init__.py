@@ -1,6 +1,5 @@
 """Emulated and fake rigs, apart from the code that moves hardware.
 
-- :mod:`~cutenv.emulation.connection`: connection to a rig by its name: emulated, fake, or that of a file;
 - :mod:`~cutenv.emulation.process`: the emulated rig in a process of its own, on the same wires as a real one;
 - :mod:`~cutenv.emulation.control`: requests to it that no real rig could answer;
 - :mod:`~cutenv.emulation.fake_rig`: drivers in memory, on a clock of their own, with every fault at any instant;
@@ -16,6 +15,6 @@ from __future__ import annotations
 
 from cutenv._base.imports import import_when_used
 
-__all__ = ["connection", "control", "fake_benches", "fake_rig", "process"]
+__all__ = ["control", "fake_benches", "fake_rig", "process"]
 
 __getattr__ = import_when_used(__name__, {}, __all__)

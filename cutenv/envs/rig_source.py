@@ -21,7 +21,7 @@ import cutenv
 from cutenv._base.arrays import StructArray
 from cutenv._base.imports import extra_named
 from cutenv._base.unit_table import NAMED_UNITS
-from cutenv.emulation.connection import operator_of, settings_of
+from cutenv.drivers.rig_names import settings_of
 from cutenv.envs.constants import Constants
 from cutenv.records.appending import AppendingRecord, CutListener, RecordingFailed
 from cutenv.records.provenance import Provenance
@@ -40,7 +40,7 @@ from cutenv.rig.config.settings import (
 from cutenv.rig.contradictions import refuse_contradictions
 from cutenv.rig.devices.camera import CAMERA_NOTE, RigCamera
 from cutenv.rig.errors import RigError
-from cutenv.rig.operation.operator import AutomaticOperator, Operator
+from cutenv.rig.operation.operator import AutomaticOperator, Operator, operator_of
 from cutenv.rig.operation.session import RigSession, SpecimenKey, SpecimensByHand, recorded_channels, recorded_rows
 from cutenv.rig.plant import RigPlant, rig_plant
 from cutenv.rig.safety.stop_causes import Cause

@@ -3,10 +3,10 @@
 What runs where::
 
     program                                       spine (a plain interpreter: no policy, compiler or learner)
-    policy, environment, records                  drivers, each with its threads
+    policy, environment, records                  drivers, which the loop reads
     plant: when the blade goes where              supervisor: judges every report and every command
     RemoteSpine  ---- commands, calls (socket) -> main thread: passes them to supervisor and drivers
-                 <--- samples, state (memory) --- drivers' threads and the loop
+                 <--- samples, state (memory) --- loop, every 0.5 ms
                  ---- stops (memory) -----------> loop: every 2 ms; also signals, and whether the program lives
 
 A command is 72 bytes with number, time and validity, put into a socket that wakes the spine: the system delivers it

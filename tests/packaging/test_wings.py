@@ -33,7 +33,7 @@ def loaded_after(statements: str) -> set[str]:
 
 
 FAKES = {"cutenv.emulation.fake_benches", "cutenv.emulation.fake_rig"}
-ANY_RIG = {"cutenv.emulation", "cutenv.emulation.connection", "cutenv.emulation.tissue_in_plane"}
+ANY_RIG = {"cutenv.emulation", "cutenv.emulation.tissue_in_plane"}
 """Modules of the emulation that are no part of the emulator, besides the fakes."""
 
 
@@ -116,7 +116,7 @@ def test_a_real_rig_loads_neither_fake_nor_emulator(tmp_path: Path) -> None:
 
 def test_an_emulated_rig_loads_no_fake() -> None:
     loaded = loaded_after(
-        "import cutenv.emulation.process, cutenv.emulation.connection, cutenv.rig.plant\n"
+        "import cutenv.emulation.process, cutenv.rig.plant\n"
         "from cutenv.rig.devices.host import SystemClock\nfrom cutenv.rig.spine import mounted_spine\n"
         "from cutenv.rig.config.settings import RigSettings\nmounted_spine(RigSettings(), SystemClock())"
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from contextlib import closing
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -77,6 +78,9 @@ def cut_along_a_bend() -> None:
             *_, ended, _, info = env.step(to_path_action(0.012, math.pi / 2, 0.3))
             if ended:
                 raise RigError(str(info))
+        threads = Path(f"/proc/{env.session.plant.spine.pid}/task")
+        if threads.exists():  # the loop, the one that takes commands, and the one that writes the log
+            assert len(list(threads.iterdir())) == 3
         heading, plant = env.session.plant.heading.now, env.session.plant
         assert heading == pytest.approx(env.cutting.line.angle[0] + 0.6)
         channels, truth = plant.channels, env._source.emulator.control.truth()

@@ -251,7 +251,7 @@ def test_an_action_that_raises_ends_no_other():
     until(lambda: clock._thread is None)
     ended = len(seen)
     later = clock.every(1.0, seen.append, "later")
-    assert later is not None and len(seen) == ended
+    assert len(seen) == ended
     later.stop()
 
 

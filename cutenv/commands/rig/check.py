@@ -13,7 +13,8 @@ from datetime import date
 from typing import Any
 
 from cutenv.commands.options import RIG, command_parser, reports_errors
-from cutenv.emulation.connection import connected, settings_of
+from cutenv.commands.rig.connection import connected
+from cutenv.drivers.rig_names import settings_of
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.preflight import Check, Inspection, inspect, inspect_camera, may_move

@@ -26,7 +26,7 @@ from cutenv.drivers.conformance import (
     conform_motion,
     conformance_rows,
 )
-from cutenv.emulation.connection import operator_of, settings_of
+from cutenv.drivers.rig_names import settings_of
 from cutenv.rig.config.settings import EMULATED, FAKE, Axis, RigSettings, SensorSettings
 from cutenv.rig.devices.driver_registry import (
     KIND_OF_ROLE,
@@ -39,6 +39,7 @@ from cutenv.rig.devices.driver_registry import (
 )
 from cutenv.rig.devices.host import SystemClock, preferred
 from cutenv.rig.errors import RigError
+from cutenv.rig.operation.operator import operator_of
 
 SECTIONS_TRIED = ("blade", "angle", "height", "side", "sensor")
 """Sections of a rig's file whose drivers can be tried."""

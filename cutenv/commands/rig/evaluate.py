@@ -124,7 +124,7 @@ def _evaluated(arguments: argparse.Namespace) -> tuple[Evaluation, bool]:
 def _shared(arguments: argparse.Namespace, wanted: Mapping[str, Any]) -> dict[str, Any]:
     """Return the keywords of both environments; warn of slow rigs."""
     from cutenv.commands.rig.run import paced
-    from cutenv.emulation.connection import settings_of
+    from cutenv.drivers.rig_names import settings_of
 
     shared: dict[str, Any] = {"specimen_class": arguments.specimen_class, "tissue": arguments.tissue}
     shared["target_length"] = target_length(arguments)

@@ -15,9 +15,11 @@ from cutenv._base.output import check_writable
 from cutenv.agents.sim_to_real.identification import Identification, Plan, identification_from, perform
 from cutenv.commands.options import RIG, command_parser, made_picture
 from cutenv.commands.rig import reports_rig_errors
-from cutenv.emulation.connection import connected, operator_of, settings_of
+from cutenv.commands.rig.connection import connected
+from cutenv.drivers.rig_names import settings_of
 from cutenv.rig.config.settings import RIG_NAMES, RigSettings
 from cutenv.rig.errors import RigError
+from cutenv.rig.operation.operator import operator_of
 from cutenv.rig.operation.preflight import prepare
 from cutenv.rig.safety.stop_causes import RigStopped
 from cutenv.rig.toml_file import write_identified

@@ -166,7 +166,7 @@ def paced(keywords: dict[str, Any], settings: RigSettings) -> tuple[dict[str, An
 
 
 def _environment(arguments: argparse.Namespace, keywords: dict[str, Any], **more: Any) -> RigCutEnv:
-    from cutenv.emulation.connection import settings_of
+    from cutenv.drivers.rig_names import settings_of
     from cutenv.sim.tissue.drawn_lines import KINDS
 
     keywords, note = paced(keywords, settings_of(arguments.rig))

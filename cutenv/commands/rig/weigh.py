@@ -15,8 +15,9 @@ from pathlib import Path
 from cutenv._base.output import check_writable
 from cutenv.commands.options import RIG, command_parser
 from cutenv.commands.rig import reports_rig_errors
-from cutenv.emulation.connection import connected, operator_of
+from cutenv.commands.rig.connection import connected
 from cutenv.rig.config.settings import RIG_NAMES, RigSettings
+from cutenv.rig.operation.operator import operator_of
 from cutenv.rig.operation.weighing import Weighing, weigh
 from cutenv.rig.toml_file import write_values
 

@@ -11,8 +11,9 @@ from collections.abc import Sequence
 
 from cutenv.commands.options import RIG, command_parser
 from cutenv.commands.rig import reports_rig_errors
-from cutenv.emulation.connection import connected, operator_of
+from cutenv.commands.rig.connection import connected
 from cutenv.rig.errors import RigError
+from cutenv.rig.operation.operator import operator_of
 
 _QUESTION = (
     "The motor has no power. Turn the screw by hand until the blade's edge stands at the clamp, 0 mm. Is it there, and "

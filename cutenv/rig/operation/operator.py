@@ -152,3 +152,16 @@ class AutomaticOperator:
         """Store the request and return True."""
         self.asked.append(what)
         return True
+
+
+def operator_of(settings: RigSettings) -> Operator:
+    """Return the operator of a rig: a person at the terminal.
+
+    An emulated or fake rig has an automatic one.
+
+    Raises
+    ------
+    RigError
+        If there is no terminal.
+    """
+    return AutomaticOperator(settings) if settings.emulated else TerminalOperator()

@@ -29,7 +29,7 @@ from cutenv.agents.learning.statistics import by_policy, differences
 from cutenv.agents.policy import SCRIPTS, ConstantFeed, Policy
 from cutenv.agents.sim_to_real import ComparedCut
 from cutenv.agents.sim_to_real.paired_experiment import LOST_TIME, cut_once, simulator_like
-from cutenv.emulation.connection import settings_of
+from cutenv.drivers.rig_names import settings_of
 from cutenv.envs import RigCutEnv
 from cutenv.rig.config.settings import Identified, RigSettings
 from cutenv.rig.errors import RigError

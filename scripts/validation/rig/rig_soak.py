@@ -84,6 +84,12 @@ class Times:
         self.counts.update(cuts=1, decisions=len(periods) + 1, overruns=timing.overruns, garbled=timing.garbled)
 
 
+def processor_time(pid: int) -> float:
+    """Return the processor time of a process so far, on Linux [s]."""
+    fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
 def cut(env: RigCutEnv, policy: Policy, *, seed: int, episode: int, most: int) -> dict[str, Any]:
     """Make one cut, or the first ``most`` decisions of it; return the last info."""
     observation, info = env.reset(seed=seed, options={"episode": episode})
@@ -109,6 +115,8 @@ def soak(minutes: float, *, seed: int, records: Path | None = None, camera: RigC
         watch = HostWatch(plant.clock)
         control = env._source.emulator.control  # type: ignore[union-attr]  # it runs since there is a session
         before, began, episode = len(control.events()), time.monotonic(), 0
+        processes = {"program": os.getpid(), "spine": plant.spine.pid, "emulator": env._source.emulator.pid}  # type: ignore[union-attr]
+        spent = {name: processor_time(pid) for name, pid in processes.items()}
         wanted, patience = round(60.0 * minutes / PERIOD), began + 240.0 * minutes + 60.0
         while (left := wanted - times.counts["decisions"]) > 0 and time.monotonic() < patience:
             try:
@@ -122,6 +130,7 @@ def soak(minutes: float, *, seed: int, records: Path | None = None, camera: RigC
             if "stop" in info:
                 times.stops[info["stop"]["cause"]] += 1
         took = time.monotonic() - began
+        shares = {name: (processor_time(pid) - spent[name]) / took for name, pid in processes.items()}
         watch.stop()
         emulator = [event["late_s"] for event in control.events(before) if event["what"] == "stall"]
         real = {"rig": env.session.plant.spine.real_time, "emulator": control.state()["real_time"]}
@@ -129,6 +138,7 @@ def soak(minutes: float, *, seed: int, records: Path | None = None, camera: RigC
     return {
         "minutes": took / 60.0,
         "real_time": real,
+        "processor_shares": shares,
         "machine": {"system": platform.platform(), "cores": os.cpu_count(), "python": platform.python_version()},
         "percentiles_ms": {
             name: [1e3 * float(np.percentile(values, each)) for each in PERCENTILES]
@@ -148,10 +158,12 @@ def text(kept: dict[str, Any]) -> str:
     """Return what is printed, and shown in the documentation."""
     counts, stalls = kept["counts"], kept["host_stalls_ms"]
     allowed = ", ".join(f"{name}: {'yes' if yes else 'no'}" for name, yes in kept["real_time"].items())
+    shares = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in kept["processor_shares"].items())
     lines = [
         f"{counts.get('decisions', 0) * PERIOD / 60.0:.1f} minutes of cutting in {kept['minutes']:.1f}, "
         f"{counts.get('cuts', 0)} cuts, {counts.get('decisions', 0)} decisions",
         f"{kept['machine']['cores']} cores; real-time priority ({allowed})",
+        f"of a core: {shares}",
         "",
         f"{'[ms]':29s}" + "".join(f"{name:>9s}" for name in ("50 %", "99 %", "99.9 %", "max")),
     ]

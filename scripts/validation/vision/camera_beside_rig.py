@@ -101,8 +101,7 @@ class WatchedCamera(RigCamera):
 
     def processor_time(self) -> float:
         """Return the processor time of the camera's process so far [s]."""
-        fields = Path(f"/proc/{self._process.pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
-        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+        return rig_soak.processor_time(self._process.pid)
 
 
 class LoadWatch:

@@ -7,24 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
-from datetime import date
 from typing import NamedTuple
 
-from cutenv.drivers.slow_profile import grbl_settings, slow_settings
-from cutenv.rig.config.settings import (
-    EMULATED,
-    EMULATOR,
-    FAKE,
-    GRBL,
-    SERIAL,
-    RigSettings,
-    SensorCalibration,
-    fake_settings,
-)
+from cutenv.rig.config.settings import EMULATED, FAKE, RigSettings, fake_settings
 from cutenv.rig.devices.host import FakeClock, undisturbed
 from cutenv.rig.errors import RigError
-from cutenv.rig.operation.operator import AutomaticOperator, Operator, TerminalOperator
 from cutenv.rig.operation.preflight import SETTLE
 from cutenv.rig.plant import RigPlant, rig_plant
 from cutenv.rig.safety.oversight import guarded
@@ -86,34 +73,3 @@ def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connectio
             if emulator is None or not (late := emulator.lateness):
                 raise
             raise RigError(f"{error} ({late})") from error
-
-
-def operator_of(settings: RigSettings) -> Operator:
-    """Return the operator of a rig: a person at the terminal.
-
-    An emulated or fake rig has an automatic one.
-
-    Raises
-    ------
-    RigError
-        If there is no terminal.
-    """
-    return AutomaticOperator(settings) if settings.emulated else TerminalOperator()
-
-
-def settings_of(rig: str) -> RigSettings:
-    """Return the settings of a rig without connecting to it.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        If its file is missing or not valid.
-    """
-    if rig in (SERIAL, GRBL):
-        own = slow_settings("", name=rig) if rig == SERIAL else grbl_settings("", "", name=rig)
-        return replace(own, emulated=True, armed_by="the emulator", calibration=_today())
-    return fake_settings(name=rig) if rig in (FAKE, EMULATOR) else read_rig_file(rig)
-
-
-def _today() -> SensorCalibration:
-    return SensorCalibration(date=date.today().isoformat())
