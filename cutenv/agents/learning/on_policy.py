@@ -116,8 +116,8 @@ def sb3_keywords(arguments: PPOArguments) -> dict[str, Any]:
     }
 
 
-def train(learner: TrialLearner, arguments: TrialArguments, run: Path, resume: bool) -> tuple[bool, float]:
-    """Train; return whether it is complete, and the environments' share of time."""
+def train(learner: TrialLearner, arguments: TrialArguments, run: Path, resume: bool) -> tuple[bool, float | None]:
+    """Train; return whether it is complete, and the environments' share of time, None if none was left to train."""
     begun = time.monotonic()
     torch.set_num_threads(1)  # two thread pools on two cores compete
     checkpoint = run / "checkpoint.zip"
@@ -146,14 +146,15 @@ def train(learner: TrialLearner, arguments: TrialArguments, run: Path, resume: b
     progress = Progress(run, arguments, curve, begun, extras)
     progress.init_callback(model)
     trial_begun, spent = time.perf_counter(), environments.seconds
+    remaining = max(arguments.timesteps - model.num_timesteps, 0)
+    trains = remaining > 0 and progress.share < 1.0
     try:
-        remaining = max(arguments.timesteps - model.num_timesteps, 0)
-        if remaining and progress.share < 1.0:
+        if trains:
             model.learn(remaining, callback=progress, reset_num_timesteps=not resume, tb_log_name="run")
             progress.validate()
     except KeyboardInterrupt:
         finished = False
-    share = (environments.seconds - spent) / (time.perf_counter() - trial_begun)
+    share = (environments.seconds - spent) / (time.perf_counter() - trial_begun) if trains else None
     progress.save_checkpoint()
     if finished and not (run / "policy.zip").is_file():  # training ended before the first validation
         save_model(model, run / "policy.zip")
@@ -215,18 +216,21 @@ def run_learner(learner: TrialLearner, request: RunRequest[Any], resume_command:
     except KeyboardInterrupt:  # before training, or a second time while it was being saved
         finished = False
     else:
-        print(f"the environments took {100.0 * share:.0f} % of the time")
+        took = "" if share is None else f": the environments took {100.0 * share:.0f} % of the time"
+        print(f"the training is {'complete' if finished else 'interrupted'}{took}")
     if not finished:
         end_interrupted(run, resume_command)
     curve = read_rows(run / "learning_curve.csv")
     seconds = curve[-1]["seconds"] if curve else time.monotonic() - begun
     facts["training_minutes"] = round(seconds / 60.0, 1)
-    facts["environments_share"] = round(share, 3)
+    if share is not None:
+        facts["environments_share"] = round(share, 3)
     try:
         for name in ("untrained", "policy"):
             exported(learner, arguments, run, name, facts)
         write_facts(run, facts)
         if arguments.specimens:
+            print(f"evaluating it and others on {arguments.specimens} held-out specimens, some minutes", flush=True)
             reached = time_to_threshold(arguments, curve)
             facts["level_with_script_after_s"] = reached
             write_facts(run, facts)

@@ -84,7 +84,7 @@ def versions(packages: Sequence[str]) -> dict[str, str]:
 
 
 def origin(run: Path, packages: Sequence[str]) -> dict[str, Any]:
-    """Return versions and commit for ``run.json``, those of the start if resumed.
+    """Return versions and commit for ``run.json``, those of the start if resumed, with what was measured then.
 
     Commits that differ from the first are listed as ``resumed_at_commits``, each formatted by :func:`marked`.
     """
@@ -101,7 +101,8 @@ def origin(run: Path, packages: Sequence[str]) -> dict[str, Any]:
     later = list(kept.get("resumed_at_commits", ()))
     if marked(present) not in (marked(first), *later):
         later.append(marked(present))
-    return first | ({"resumed_at_commits": later} if later else {})
+    measured = {name: kept[name] for name in ("environments_share",) if name in kept}
+    return first | ({"resumed_at_commits": later} if later else {}) | measured
 
 
 def marked(facts: Mapping[str, Any]) -> str:

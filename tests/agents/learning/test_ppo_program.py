@@ -147,6 +147,11 @@ def test_an_interrupted_run_goes_on_training_from_its_checkpoint(tmp_path):
     assert "--resume runs/small" in printed
     assert_training_goes_on("train", tmp_path, stable_baselines3.PPO, rollout=4 * 64)
     assert (tmp_path / "runs" / "small" / "policy.zip").is_file()
+    share = json.loads((tmp_path / "runs" / "small" / "run.json").read_text())["environments_share"]
+    done = run("train", tmp_path, "--resume", "runs/small")  # of which nothing is left
+    assert done.returncode == 0, done.stderr
+    assert "the training is complete\n" in done.stdout
+    assert json.loads((tmp_path / "runs" / "small" / "run.json").read_text())["environments_share"] == share > 0.0
 
 
 def test_resuming_nothing_says_what_is_missing(tmp_path):
