@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cutenv._base.output import watched
+from cutenv._base.result_table import Reason, aligned
 from cutenv._base.validation import in_range
 from cutenv.commands.options import (
     add_specimen_class,
@@ -21,6 +22,7 @@ from cutenv.commands.options import (
     add_tissue,
     command_parser,
     drawn_given,
+    made_picture,
     made_place,
     reports_errors,
     target_length,
@@ -38,7 +40,6 @@ UNSEEN = 3_000_000
 """First seed beyond those on which agents are trained, chosen and tested."""
 
 _ANGLES = ("angle_mode", "fixed_angle_deg")
-_WIDTH = 24  # of the table's first column
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,9 +75,9 @@ def main(argv: Sequence[str]) -> int:
     if arguments.page is not None and find_spec("meshcat") is None:  # before anything is cut
         raise ModuleNotFoundError("the page in 3-D needs meshcat", name="meshcat")
     length = target_length(arguments)
-    for option, path in (("--out", arguments.out), ("--page", arguments.page)):
-        if path is not None:
-            made_place(option, path)
+    made_picture("--out", arguments.out)
+    if arguments.page is not None:
+        made_place("--page", arguments.page)
     policy = named_policy(arguments.policy)
     name, task = Path(arguments.policy).name, task_made_as(policy.card.environment)
     if arguments.page is not None and task.name != "gentle":
@@ -175,26 +176,20 @@ def _print_table(by_policy: Mapping[str, Sequence[DemoCut]], task: RegisteredTas
     """Print the first specimens, then the means of all."""
     _, error, unit, _ = task.errors[0]
     titles = [f"{error} [{unit}]" if title == "error" else title for title in _COLUMNS]
-    widths = [max(len(title) + 2, 16) for title in titles]
-    print(" " * _WIDTH + "".join(title.rjust(width) for title, width in zip(titles, widths, strict=True)))
     pairs = list(zip(*by_policy.values(), strict=True))
+    rows = [["", *titles, ""]]
     for number, same in enumerate(pairs[:_LISTED], 1):
-        print(f"specimen {number}: {same[0].specimen_class}, cut to {1e3 * same[0].target_length:.0f} mm")
-        for name, cut in zip(by_policy, same, strict=True):
-            _print_row(name, [cut], widths)
-    print("mean" if len(pairs) <= _LISTED else f"mean of all {len(pairs)}")
-    for name, own in by_policy.items():
-        _print_row(name, own, widths)
+        about = f"specimen {number}: {same[0].specimen_class}, cut to {1e3 * same[0].target_length:.0f} mm"
+        rows += [[Reason(about)], *(_cells(name, [cut]) for name, cut in zip(by_policy, same, strict=True))]
+    rows += [["mean" if len(pairs) <= _LISTED else f"mean of all {len(pairs)}"]]
+    rows += [_cells(name, own) for name, own in by_policy.items()]
+    print("\n".join(aligned([row + [""] * (len(rows[0]) - len(row)) for row in rows], right=True)))
 
 
-def _print_row(name: str, own: Sequence[DemoCut], widths: Sequence[int]) -> None:
+def _cells(name: str, own: Sequence[DemoCut]) -> list[str]:
     means = [float(np.mean([value(cut) for cut in own])) for value in _COLUMNS.values()]
-    ended = f"  {own[0].end}" if len(own) == 1 and own[0].end != "finished" else ""
-    print(
-        f"  {name}".ljust(_WIDTH)
-        + "".join(f"{mean:.2f}".rjust(width) for mean, width in zip(means, widths, strict=True))
-        + ended
-    )
+    ended = own[0].end if len(own) == 1 and own[0].end != "finished" else ""
+    return [f"  {name}", *(f"{mean:.2f}" for mean in means), ended]
 
 
 def _write(cuts: Mapping[str, DemoCut], arguments: argparse.Namespace) -> None:

@@ -112,7 +112,9 @@ def test_a_file_in_a_folders_place_is_found_too(out, tmp_path, monkeypatch, caps
         assert f"--out {tmp_path / 'file'} is a file; give a folder." in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("command", ["play", "rig identify fake", "rig speed simulator"])
+@pytest.mark.parametrize(
+    "command", ["play --picture", "rig identify fake --picture", "rig speed simulator --picture", "demo --out"]
+)
 def test_a_picture_is_a_png(command, capsys):
-    assert cli.main([*command.split(), "--picture", "cut.xyz"]) == 2
-    assert "--picture cut.xyz is no PNG. Give a name that ends in .png." in capsys.readouterr().err
+    assert cli.main([*command.split(), "cut.xyz"]) == 2
+    assert f"{command.split()[-1]} cut.xyz is no PNG. Give a name that ends in .png." in capsys.readouterr().err

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cutenv._base.result_table import aligned
 from cutenv._base.unit_table import shown_unit
 from cutenv.agents.sim_to_real import Agreement, ClockKept, ComparedCut, Finding, force_over_position, force_rmse
 from cutenv.display.report.page import PHONE_WIDTH, label, new_figure, number, plain_axes, spoken, write_page
@@ -161,24 +162,22 @@ class Evaluation:
             f"verdict: {agreement.verdict}",
             f"  of {len(answers)} measures {counted}",
             "",
-            f"{'rig minus simulator':24s} {'unit':5s} {'simulator':>10s} {'rig':>10s}  {'difference [95 %]':29s} "
-            f"{'margin':>8s}  answer",
+            *aligned([_HEADS, *(_cells(each) for each in shown[:_MOST_ROWS])]),
         ]
-        lines += [_line(each) for each in shown[:_MOST_ROWS]]
         if len(shown) > _MOST_ROWS:
             lines.append(f"  and {len(shown) - _MOST_ROWS} more; all of them are on the page")
         return [*lines, "", *clock_lines(self.clock), *(f"note: {note}" for note in self.remarks)]
 
 
-def _line(each: Finding) -> str:
+_HEADS = "rig minus simulator", "unit", "simulator", "rig", "difference [95 %]", "margin", "answer"
+
+
+def _cells(each: Finding) -> list[str]:
     unit, shift = shown_unit(each.measure.unit), each.shift
     values = [rounded_text(unit.from_si(value)) for value in (each.simulator, each.rig)]
     difference = interval(*map(unit.from_si, (shift.value, shift.low, shift.high)))
     margin = three_digits(unit.from_si(shift.margin))
-    return (
-        f"{each.measure.name:24s} {unit.sign:5s} {values[0]:>10s} {values[1]:>10s}  {difference:29s} {margin:>8s}  "
-        f"{each.answer}"
-    )
+    return [each.measure.name, unit.sign, *values, difference, margin, each.answer]
 
 
 def rounded_text(value: float) -> str:
