@@ -9,6 +9,7 @@ import importlib
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from importlib.util import find_spec
 from typing import Any
 
 EXTRAS_OF_MODULE = {
@@ -44,6 +45,7 @@ EXTRAS_OF_MODULE = {
     "uvicorn": ("serve",),
     "stable_baselines3": ("rl",),
     "statsmodels": ("stats",),
+    "tensorboard": ("rl",),
     "tomlkit": ("rig",),
     "torch": ("rl",),
     "tqdm": ("view", "data", "rl", "serve", "vision"),
@@ -96,6 +98,13 @@ def missing_extra(error: ModuleNotFoundError, preferred: str = "") -> str | None
         return None
     extra = preferred if preferred in extras else extras[0]
     return f"{package} is not installed: pip install 'cutenv[{extra}]'"
+
+
+def require(*packages: str) -> None:
+    """Raise ModuleNotFoundError for a package that is not installed, before any work that needs it."""
+    for package in packages:
+        if find_spec(package) is None:
+            raise ModuleNotFoundError(f"No module named {package!r}", name=package)
 
 
 def import_from_here() -> None:

@@ -7,10 +7,10 @@ import dataclasses
 import sys
 from collections import Counter
 from collections.abc import Sequence
-from importlib.util import find_spec
 from operator import attrgetter
 from pathlib import Path
 
+from cutenv._base.imports import require
 from cutenv._base.output import atomic_write, watched
 from cutenv.commands.inputs import read_records
 from cutenv.commands.options import (
@@ -37,8 +37,7 @@ def main(argv: Sequence[str]) -> int:
     arguments = _parser().parse_args(argv)
     _check_outputs(arguments)
     check_resamples(arguments.resamples)
-    if arguments.within_specimens and find_spec("statsmodels") is None:
-        raise ModuleNotFoundError("comparing within specimens needs statsmodels", name="statsmodels")
+    require(*["statsmodels"] * arguments.within_specimens)
     boundary = layer_depth_given(arguments)
     capsule = length_given(arguments, "capsule_thickness", (1e-5, 0.005), "Write 0.2mm.")
     model = CutModel(element=arguments.element, formulation=arguments.formulation, poisson=arguments.poisson)

@@ -7,12 +7,12 @@ import math
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cutenv._base.imports import require
 from cutenv._base.output import watched
 from cutenv._base.result_table import Reason, aligned
 from cutenv._base.validation import in_range
@@ -72,8 +72,7 @@ def main(argv: Sequence[str]) -> int:
 
     count = int(in_range("--specimens", arguments.specimens, 1, 1000, "1", "A handful is enough to look at."))
     seed = UNSEEN + int(in_range("--seed", arguments.seed, 0, 10**9, "1", "Give a whole number from 0."))
-    if arguments.page is not None and find_spec("meshcat") is None:  # before anything is cut
-        raise ModuleNotFoundError("the page in 3-D needs meshcat", name="meshcat")
+    require(*["meshcat"] * (arguments.page is not None))
     length = target_length(arguments)
     made_picture("--out", arguments.out)
     if arguments.page is not None:

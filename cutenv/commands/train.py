@@ -18,6 +18,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from cutenv._base.imports import require
 from cutenv.agents.learning.arguments import (
     BadArguments,
     BCArguments,
@@ -42,6 +43,8 @@ LEARNERS: dict[str, tuple[str, type[LearnerArguments]]] = {
     "iql": ("IQL", IQLArguments),
 }
 """Name on the command line -> name in run.json, and class of the options."""
+
+_OF_REPORT = ("jinja2", "matplotlib")
 
 _EXAMPLES = {
     "ppo": ("", "--quick", "--resume runs/NAME", "--learner recurrent-ppo", "--learner bc"),
@@ -160,6 +163,7 @@ def _learner_of(run: Path) -> str | None:
 
 def _run(learner: str, request: RunRequest[Any]) -> None:
     """Run the learner, whose modules load torch."""
+    require(*["tensorboard"] * request.arguments.tensorboard, *_OF_REPORT * bool(request.arguments.specimens))
     resume_command = f"{_program()} train --resume {request.run}"
     if learner == "bc":
         from cutenv.agents.learning import bc

@@ -71,10 +71,23 @@ def test_a_record_is_scored_without_the_libraries_of_pages(
     assert [path.name for path in tmp_path.iterdir()] == ["example.csv"]
 
 
+@pytest.mark.parametrize("learner", ["ppo", "bc", "iql"])
+@pytest.mark.parametrize(("package", "options"), [("tensorboard", "--tensorboard"), ("matplotlib", "--specimens 2")])
+def test_a_training_misses_what_it_will_need_before_it_begins(
+    learner: str, package: str, options: str, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("cutenv._base.imports.find_spec", lambda name: None if name == package else name)
+    assert cli.main(["train", "--learner", learner, "--quick", *options.split()]) == 1
+    assert f"{package} is not installed: pip install 'cutenv[rl]'" in capsys.readouterr().err
+    assert not (tmp_path / "runs").exists()
+
+
 def test_the_demo_misses_the_library_of_its_page_before_it_cuts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("cutenv.commands.demo.find_spec", lambda name: None)
+    monkeypatch.setattr("cutenv._base.imports.find_spec", lambda name: None)
     assert cli.main(["demo", "--page", str(tmp_path / "cut.html"), "--out", str(tmp_path / "cut.png")]) == 1
     printed = capsys.readouterr()
     assert "pip install 'cutenv[view3d]'" in printed.err
