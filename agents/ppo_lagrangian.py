@@ -25,7 +25,7 @@ from cutenv.agents.learning.arguments import BadArguments, PPOArguments
 from cutenv.agents.learning.asymmetric_actors import AsymmetricActorCritic
 from cutenv.agents.learning.cloning import Cloning, demonstrations
 from cutenv.agents.learning.on_policy import sb3_keywords
-from cutenv.agents.learning.options import option
+from cutenv.agents.learning.option_fields import option
 from cutenv.agents.learning.progress import Progress
 from cutenv.agents.learning.run_folder import export, record_run, run_program
 from cutenv.agents.policy import Network, OneReturnStroke

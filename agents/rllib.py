@@ -27,7 +27,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cutenv.agents.learning.options import check_ranges, option, parse
+from cutenv.agents.learning.option_fields import check_ranges, option, parse
 from cutenv.agents.learning.rllib_env import RunnerEnv
 from cutenv.agents.learning.run_folder import origin, write_facts
 from cutenv.agents.learning.seeds import ENVIRONMENT, TRAINING_SEEDS

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import struct
 
+from cutenv.emulation.can_hub import Frame
 from cutenv.emulation.canopen_rig import BLADE
 from cutenv.emulation.emulated_axis import EmulatedAxis
-from cutenv.emulation.hub import Frame
+from cutenv.emulation.emulated_drive import Node
 from cutenv.emulation.mechanics import Mechanics
-from cutenv.emulation.node import Node
 
 SYNC, MASTER_HEARTBEAT = 0x080, 0x77F
 MILLI_RPM_PER_M_S = 4.4 / 0.002 * 60_000  # of the blade's gear and screw

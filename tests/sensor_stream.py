@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 
 from cutenv.emulation.sensor_server import Loads, SensorServer
 from cutenv.rig.config.settings import SensorSettings
-from cutenv.rig.devices.host import Clock, SystemClock
+from cutenv.rig.devices.loop import Clock, SystemClock
 from cutenv.rig.devices.netft_sensor import NetftSensor
 from cutenv.rig.devices.protocols import ForceSample
 

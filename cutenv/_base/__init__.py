@@ -1,4 +1,4 @@
-"""Building blocks of every wing.
+"""Building blocks of every package.
 
 Validation, documented constants, files written whole, packaged data.
 """

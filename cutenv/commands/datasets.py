@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cutenv.agents.learning.options import add_options, drawn_as, from_options, option
+from cutenv.agents.learning.option_fields import add_options, drawn_as, from_options, option
 from cutenv.agents.learning.seeds import TRAINING_SEEDS
 from cutenv.commands.options import command_parser, made_folder, reports_errors
 from cutenv.records.schema import parse_length

@@ -66,7 +66,7 @@ class DemoCut:
 def main(argv: Sequence[str]) -> int:
     """Cut, print a table, write a picture; return 0 or 2."""
     arguments = _parser().parse_args(argv)
-    from cutenv.agents.learning.options import class_in_words
+    from cutenv.agents.learning.option_fields import class_in_words
     from cutenv.agents.policy import named_policy
     from cutenv.task.registry import task_made_as
 

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cutenv.agents.learning.options import class_in_words
+from cutenv.agents.learning.option_fields import class_in_words
 from cutenv.commands.options import (
     add_question,
     add_tissue,

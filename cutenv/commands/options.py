@@ -343,7 +343,7 @@ def drawn_given(arguments: argparse.Namespace) -> dict[str, str]:
     FileNotFoundError, ValueError
         If the file is missing, or no tissue.
     """
-    from cutenv.agents.learning.options import drawn_as
+    from cutenv.agents.learning.option_fields import drawn_as
     from cutenv.envs.tissue_source import TissueSource
 
     TissueSource(arguments.tissue)  # refuses another file before anything is cut

@@ -1,4 +1,4 @@
-"""Optional drivers of a rig, loaded by name, and the conformance tests for any driver.
+"""Optional drivers, profiles and names of rigs, and the conformance tests for any driver.
 
 - :mod:`~cutenv.drivers.grbl_axis`: axis of a machine with GRBL, "grbl";
 - :mod:`~cutenv.drivers.analogue_sensor`: six-axis sensor by a board of National Instruments, "analogue";

@@ -24,7 +24,7 @@ from cutenv._base.validation import check_parameters, in_range, one_of
 from cutenv.rig.config.settings import RigSettings, setting
 from cutenv.rig.devices.driver_bases import StreamedSensor
 from cutenv.rig.devices.driver_registry import Mounting, rig_driver
-from cutenv.rig.devices.host import Attempt
+from cutenv.rig.devices.loop import Attempt
 from cutenv.rig.devices.reading_stream import LEAK, Zero
 from cutenv.rig.errors import RigError
 

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cutenv.rig.config.settings import Axis, RigSettings
-from cutenv.rig.devices.host import Clock, SystemClock
+from cutenv.rig.devices.loop import Clock, SystemClock
 from cutenv.rig.devices.protocols import DriveState, ForceDriver, ForceSample, MotionDriver, MotionSample
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.preflight import ZERO_FORCE

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Protocol
 from cutenv.rig.devices import driver_bases
 from cutenv.rig.devices.driver_bases import StreamedSensor
 from cutenv.rig.devices.driver_registry import Mounting
-from cutenv.rig.devices.host import Clock
+from cutenv.rig.devices.loop import Clock
 from cutenv.rig.devices.reading_stream import SEQUENCES, Zero
 from cutenv.rig.devices.serial.ports import open_port, write_line
 from cutenv.rig.errors import RigError

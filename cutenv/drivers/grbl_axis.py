@@ -22,7 +22,7 @@ from cutenv._base.validation import check_parameters, in_range, one_of
 from cutenv.rig.config.settings import Axis, RigSettings, setting
 from cutenv.rig.devices.driver_bases import AxisDriver
 from cutenv.rig.devices.driver_registry import Mounting, rig_driver
-from cutenv.rig.devices.host import Clock, Repeating
+from cutenv.rig.devices.loop import Clock, Repeating
 from cutenv.rig.devices.protocols import DriveState, MotionSample
 from cutenv.rig.devices.serial.board_drivers import on_pseudo_terminal
 from cutenv.rig.devices.serial.ports import open_port, write_line

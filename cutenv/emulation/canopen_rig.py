@@ -12,11 +12,11 @@ import numpy as np
 
 from cutenv._base.validation import in_range, one_of
 from cutenv.drivers.analogue_sensor import AnalogueCalibration
+from cutenv.emulation.can_hub import Frame, Hub
 from cutenv.emulation.emulated_axis import EmulatedAxis
 from cutenv.emulation.emulated_bench import FAULTS, EmulatedBench
-from cutenv.emulation.hub import Frame, Hub
+from cutenv.emulation.emulated_drive import Node
 from cutenv.emulation.mechanics import ARM, EmulatedTissue, Mechanics, hinge
-from cutenv.emulation.node import Node
 from cutenv.emulation.sensor_server import BoardServer, SensorServer
 from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.config.settings import Axis, CrossAxis, SafetyLimits

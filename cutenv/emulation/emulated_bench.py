@@ -15,8 +15,8 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
 
 from cutenv._base.validation import in_range, one_of
+from cutenv.emulation.emulated_drive import Emergency
 from cutenv.emulation.mechanics import EmulatedTissue
-from cutenv.emulation.node import Emergency
 from cutenv.emulation.sensor_server import SensorServer
 from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.errors import RigError
@@ -24,7 +24,7 @@ from cutenv.sim.cutting.dtypes import TICK
 
 if TYPE_CHECKING:
     from cutenv.emulation.emulated_axis import EmulatedAxis
-    from cutenv.emulation.node import Node
+    from cutenv.emulation.emulated_drive import Node
     from cutenv.emulation.sensor_server import BoardServer
 
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from cutenv.emulation.fake_benches import DrivenPlant, RecordedPlant, SpecimenPlant
 from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.config.settings import Axis, RigSettings, fake_settings
-from cutenv.rig.devices.host import FakeClock, Repeating
+from cutenv.rig.devices.loop import FakeClock, Repeating
 from cutenv.rig.devices.protocols import (
     DriveState,
     Event,

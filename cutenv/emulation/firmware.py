@@ -1,6 +1,6 @@
 """Emulated firmware on a serial line that can fail.
 
-It is that of the board, or GRBL 1.1.
+The sketch of the board, or GRBL 1.1.
 
 It is not GRBL's own code: planner and parser are as small as the driver needs them.
 """

@@ -299,7 +299,7 @@ def turn_motor(motors: StructArray, load: float) -> None:
 CLAMP_TOLERANCE = 0.002
 """Greatest distance of the blade from the clamp at which a specimen can be laid [m]."""
 ARM = 0.1
-"""Distance from the blade's lower end up to the sensor, of an imitated rig with an axis across the cut [m]."""
+"""Distance from the blade's lower end up to the sensor, of an emulated or fake rig with an axis across the cut [m]."""
 
 
 class EmulatedTissue:

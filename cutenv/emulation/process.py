@@ -28,7 +28,7 @@ from cutenv._engine.jit import warn_before_first_compile
 from cutenv.drivers.analogue_sensor import AnalogueOptions
 from cutenv.drivers.slow_profile import grbl_settings, slow_settings
 from cutenv.emulation.canopen_rig import RANGES, EmulatedRig, Options
-from cutenv.emulation.control import ControlServer, EmulatorControl
+from cutenv.emulation.control_port import ControlServer, EmulatorControl
 from cutenv.emulation.emulated_bench import STALL, EmulatedBench
 from cutenv.emulation.mechanics import position_control, turn_motor
 from cutenv.emulation.serial_rig import EmulatedGrblRig, EmulatedSerialRig, SerialOptions
@@ -43,7 +43,7 @@ from cutenv.rig.config.settings import (
     SensorSettings,
 )
 from cutenv.rig.config.settings import across as cross_axes
-from cutenv.rig.devices.host import prefer
+from cutenv.rig.devices.loop import prefer
 from cutenv.rig.errors import RigError
 from cutenv.rig.toml_file import to_toml
 from cutenv.sim.cutting.descent import DESCENDING

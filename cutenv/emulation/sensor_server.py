@@ -23,7 +23,7 @@ from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range
 from cutenv.drivers.analogue_sensor import SCAN, AnalogueCalibration
 from cutenv.rig.devices.driver_bases import Counts
-from cutenv.rig.devices.host import Clock, SystemClock
+from cutenv.rig.devices.loop import Clock, SystemClock
 from cutenv.rig.devices.netft_sensor import (
     PacketError,
     RdtCommand,

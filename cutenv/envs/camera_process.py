@@ -24,7 +24,7 @@ from cutenv.records import load_one, save
 from cutenv.rig.config.settings import CameraSettings, RigSettings
 from cutenv.rig.devices.camera import CAMERA_NOTE
 from cutenv.rig.devices.driver_registry import DriverKind, Mounting, mounted, traits_of
-from cutenv.rig.devices.host import SystemClock
+from cutenv.rig.devices.loop import SystemClock
 from cutenv.vision.blade_mark import MarkedBlade
 from cutenv.vision.cameras import CalibratedCameras
 from cutenv.vision.depth_record import filmed_depth

@@ -231,7 +231,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     simulated: ClassVar[type[GentleCutEnv]] = GentleCutEnv
     """Class of the simulator's environment."""
     as_simulated: ClassVar[dict[str, Any]] = {}
-    """Keywords with which the simulator's specimens are like those of an imitated rig."""
+    """Keywords with which the simulator's specimens are like those of an emulated or fake rig."""
     needs_axis: ClassVar[str] = ""
     """Name of the axis across the cut that the task needs, "height" or "side"; empty if it needs none."""
     task_name: ClassVar[str] = "cutenv/RigCut-v1"

@@ -49,7 +49,7 @@ from cutenv.sim.cutting.drive import PDRig, Rig
 from cutenv.sim.tissue.grid import depth_below
 
 if TYPE_CHECKING:
-    from cutenv.emulation.control import EmulatorControl
+    from cutenv.emulation.control_port import EmulatorControl
     from cutenv.emulation.fake_benches import AirPlant
     from cutenv.emulation.fake_rig import FakeRig
     from cutenv.emulation.process import RunningEmulator

@@ -3,8 +3,8 @@
 A record is a :class:`~cutenv.sim.trace.Trace` in a file, of the simulator, a rig, a person or another program. Nothing
 here sees the simulator: what is said of a record is the same wherever it was made.
 
-- the modules of this package read and write the project's own files, CSV, Parquet and HDF5 with units in the headers
-  (:func:`load`, :func:`save`); :func:`read_record` reads any record;
+- the modules of this package read and write the project's own files, CSV, Parquet, HDF5 and MCAP, with units in the
+  headers (:func:`load`, :func:`save`); :func:`read_record` reads any record;
 - :mod:`~cutenv.records.foreign`: files and streams of other programs;
 - :mod:`~cutenv.records.measurement`: modulus, fracture resistance and depth from recorded cuts, calibration of a
   tissue;

@@ -1,6 +1,6 @@
 """Reading of any record.
 
-It is of this package, or of other programs, through a mapping of their columns or topics.
+A file of this package, or of another program, through a mapping of its columns or topics.
 """
 
 from __future__ import annotations

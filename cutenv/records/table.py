@@ -1,4 +1,4 @@
-"""Columns of a file.
+"""Columns of a record's file.
 
 The common form into which every format is read, and from which traces are made.
 """

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from cutenv._base.arrays import Array, StructArray
 from cutenv._base.validation import array_in_range, in_range
 from cutenv.rig.config.settings import RigSettings, SafetyLimits
-from cutenv.rig.devices.host import Clock, Owner
+from cutenv.rig.devices.loop import Clock, Owner
 from cutenv.rig.devices.protocols import ForceSample, MotionSample, Observer, interpolated, newest_since
 from cutenv.rig.errors import RigError
 from cutenv.rig.remote_spine import RemoteSpine

@@ -38,7 +38,7 @@ from multiprocessing.connection import Connection
 from typing import Any, NoReturn
 
 from cutenv.rig.config.settings import RigSettings, SafetyLimits
-from cutenv.rig.devices.host import Owner, SystemClock
+from cutenv.rig.devices.loop import Owner, SystemClock
 from cutenv.rig.devices.protocols import ForceSample, MotionSample, Phase
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.oversight import SIGNALS

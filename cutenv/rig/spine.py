@@ -1,10 +1,11 @@
 """Spine of a rig.
 
-Its drivers, the safety that judges all that they report, and the loop by which both live.
+Its drivers, and the safety that judges all that they report. The loop that calls both is the clock's,
+:class:`cutenv.rig.devices.loop.SystemClock`.
 
 All that has to work for the blade to be stopped is here and below (``safety``, ``devices``, ``config``). On hardware,
-and on an emulated rig, it runs in a process of its own, :mod:`cutenv.rig.remote_spine`, whatever the policy's program
-does.
+and on an emulated rig, it runs in a process of its own, :mod:`cutenv.rig.spine_process`, whatever the policy's program
+does, which reaches it by :mod:`cutenv.rig.remote_spine`.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from typing import Any, Protocol
 
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.driver_registry import Mounting, mounted
-from cutenv.rig.devices.host import Attempt, Clock, Repeating
+from cutenv.rig.devices.loop import Attempt, Clock, Repeating
 from cutenv.rig.devices.protocols import ForceDriver, ForceSample, MotionDriver, MotionSample, Observer, ZeroedByHand
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.monitors import ForceReadings

@@ -37,7 +37,7 @@ from multiprocessing.connection import Connection
 from queue import SimpleQueue
 from typing import Any
 
-from cutenv.rig.devices.host import SWITCH, Attempt, SystemClock, prefer
+from cutenv.rig.devices.loop import SWITCH, Attempt, SystemClock, prefer
 from cutenv.rig.devices.protocols import DriveState, ForceSample, MotionSample
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.oversight import SIGNALS

@@ -1,6 +1,6 @@
-"""Rig file.
+"""File of a rig, in TOML.
 
-TOML in which names end with their unit, read to SI and radians, and written with a comment for each.
+In it names end with their unit, read to SI and radians, and written with a comment for each.
 """
 
 from __future__ import annotations

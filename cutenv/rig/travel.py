@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 
 from cutenv._base.arrays import StructArray
 from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.devices.host import Clock, Owner
+from cutenv.rig.devices.loop import Clock, Owner
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.oversight import Oversight
 from cutenv.rig.safety.stop_causes import Cause, RigStopped, StopReport

@@ -1,4 +1,4 @@
-"""Tasks: what an agent sees, is charged for and ends by.
+"""Tasks: what an agent sees, what it is charged for, and when an episode ends.
 
 Each task is declared in one module by the classes of :mod:`~cutenv.task.declare`: action axes, components of the
 observation, terms of the reward, costs of the whole cut, ends and success. The terms of gentle cutting stand in

@@ -26,7 +26,7 @@ from cutenv.drivers.analogue_sensor import (
 from cutenv.emulation.sensor_server import BoardServer
 from cutenv.rig.config.settings import SensorSettings, fake_settings
 from cutenv.rig.devices.driver_registry import Mounting
-from cutenv.rig.devices.host import SystemClock
+from cutenv.rig.devices.loop import SystemClock
 from cutenv.rig.errors import RigError
 from cutenv.rig.toml_file import read_rig_file, to_toml
 

@@ -10,8 +10,8 @@ from hand_moved_drive import INCREMENT, MILLI_RPM_PER_M_S, SYNC, HandMovedDrive
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cutenv.emulation.can_hub import Frame
 from cutenv.emulation.canopen_rig import BLADE, HINGE
-from cutenv.emulation.hub import Frame
 from cutenv.emulation.mechanics import (
     MODE_RAMP,
     MODE_VELOCITY,

@@ -14,7 +14,7 @@ import pytest
 from sensor_stream import LOADS, Feed, wait_for
 
 from cutenv.emulation.sensor_server import SensorPage, SensorServer
-from cutenv.rig.devices.host import FakeClock
+from cutenv.rig.devices.loop import FakeClock
 from cutenv.rig.devices.netft_sensor import SensorPacket, SensorStatus, parse_packet
 
 START = bytes.fromhex("1234 0002 00000000")

@@ -19,7 +19,7 @@ import pytest
 from waiting import until
 
 from cutenv.commands.cli import main
-from cutenv.emulation.control import EmulatorControl
+from cutenv.emulation.control_port import EmulatorControl
 from cutenv.emulation.process import RunningEmulator, start
 from cutenv.rig.errors import RigError
 

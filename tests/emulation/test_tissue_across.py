@@ -11,9 +11,9 @@ import pytest
 from hand_moved_drive import INCREMENT
 
 from cutenv.commands.rig.emulate import _options, _parser
+from cutenv.emulation.can_hub import Frame
 from cutenv.emulation.canopen_rig import EmulatedRig, Options
-from cutenv.emulation.control import answered
-from cutenv.emulation.hub import Frame
+from cutenv.emulation.control_port import answered
 from cutenv.emulation.mechanics import ARM, EmulatedTissue
 from cutenv.emulation.tissue_in_plane import TissueInPlane
 from cutenv.rig.config.mounted_specimen import MountedSpecimen

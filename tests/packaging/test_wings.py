@@ -117,7 +117,7 @@ def test_a_real_rig_loads_neither_fake_nor_emulator(tmp_path: Path) -> None:
 def test_an_emulated_rig_loads_no_fake() -> None:
     loaded = loaded_after(
         "import cutenv.emulation.process, cutenv.rig.plant\n"
-        "from cutenv.rig.devices.host import SystemClock\nfrom cutenv.rig.spine import mounted_spine\n"
+        "from cutenv.rig.devices.loop import SystemClock\nfrom cutenv.rig.spine import mounted_spine\n"
         "from cutenv.rig.config.settings import RigSettings\nmounted_spine(RigSettings(), SystemClock())"
     )
     assert set(REAL) <= loaded
@@ -129,7 +129,7 @@ def test_the_spine_loads_no_plant_no_compiler_and_no_policy() -> None:
     """The rig and its configuration alone have to be believed where a blade moves."""
     loaded = set(run(
         "import sys\nfrom cutenv.rig.spine_process import serve_spine\nfrom cutenv.rig.spine import mounted_spine\n"
-        "from cutenv.rig.devices.host import SystemClock\nfrom cutenv.rig.config.settings import RigSettings\n"
+        "from cutenv.rig.devices.loop import SystemClock\nfrom cutenv.rig.config.settings import RigSettings\n"
         "mounted_spine(RigSettings(), SystemClock())\nprint(*sys.modules)"
     ))  # fmt: skip
     assert set(REAL) <= loaded

@@ -10,7 +10,7 @@ from made_up_drive import Ear, MadeUpDrive
 from cutenv.rig.config.settings import Axis, Bus
 from cutenv.rig.devices.canopen.axis import CanopenAxis
 from cutenv.rig.devices.canopen.network import CanNetwork
-from cutenv.rig.devices.host import SystemClock
+from cutenv.rig.devices.loop import SystemClock
 
 
 class Bench:

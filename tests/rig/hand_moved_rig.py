@@ -11,14 +11,14 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from cutenv.emulation.can_hub import Frame
 from cutenv.emulation.emulated_axis import EmulatedAxis
-from cutenv.emulation.hub import Frame
+from cutenv.emulation.emulated_drive import Node
 from cutenv.emulation.mechanics import Mechanics
-from cutenv.emulation.node import Node
 from cutenv.rig.config.settings import Axis, Bus, RigSettings, fake_settings
 from cutenv.rig.devices.canopen.axis import CanopenAxis
 from cutenv.rig.devices.canopen.network import CanNetwork
-from cutenv.rig.devices.host import FakeClock
+from cutenv.rig.devices.loop import FakeClock
 from cutenv.rig.devices.protocols import DriveState, ForceListener, ForceSample
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.spine import Spine

@@ -12,7 +12,7 @@ from made_ready import ready_rig
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.records import load_one
 from cutenv.records.appending import AppendingRecord
-from cutenv.rig.devices.host import preferred
+from cutenv.rig.devices.loop import preferred
 from cutenv.rig.devices.protocols import DriveState
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.stop_causes import Cause, RigStopped

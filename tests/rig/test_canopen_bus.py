@@ -17,7 +17,7 @@ from waiting import until
 from cutenv.rig.config.settings import Axis, Bus
 from cutenv.rig.devices.canopen.axis import CanopenAxis
 from cutenv.rig.devices.canopen.network import CanNetwork, bus_arguments, open_bus
-from cutenv.rig.devices.host import SystemClock
+from cutenv.rig.devices.loop import SystemClock
 from cutenv.rig.devices.protocols import Latch
 from cutenv.rig.errors import RigError
 

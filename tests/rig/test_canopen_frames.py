@@ -15,7 +15,7 @@ from cutenv.rig.devices.canopen.axis import CanopenAxis
 from cutenv.rig.devices.canopen.configuration import SdoChannel
 from cutenv.rig.devices.canopen.network import CanNetwork
 from cutenv.rig.devices.canopen.objects import CONTROLWORD, STATUSWORD, drive_state, error_meaning
-from cutenv.rig.devices.host import FakeClock, SystemClock
+from cutenv.rig.devices.loop import FakeClock, SystemClock
 from cutenv.rig.devices.protocols import DriveState, Latch
 from cutenv.rig.errors import RigError
 

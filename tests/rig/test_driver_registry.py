@@ -20,7 +20,7 @@ from cutenv.rig.devices.driver_registry import (
     registered_drivers,
     rig_driver,
 )
-from cutenv.rig.devices.host import FakeClock
+from cutenv.rig.devices.loop import FakeClock
 from cutenv.rig.plant import rig_plant
 from cutenv.rig.toml_file import read_rig_file, to_toml
 

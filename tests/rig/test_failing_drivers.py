@@ -16,7 +16,7 @@ from waiting import until
 
 from cutenv.emulation.fake_rig import FakeRig
 from cutenv.rig import spine
-from cutenv.rig.devices.host import SystemClock, next_due
+from cutenv.rig.devices.loop import SystemClock, next_due
 from cutenv.rig.devices.protocols import DriveState, ForceSample
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.stop_causes import AGAIN, WITHHOLD_HEARTBEAT_AFTER, Cause, RigStopped

@@ -193,7 +193,7 @@ CUT = """
 import sys
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.rig.safety.stop_causes import RigStopped
-from cutenv.emulation.control import EmulatorControl
+from cutenv.emulation.control_port import EmulatorControl
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.toml_file import read_rig_file
 

@@ -22,7 +22,7 @@ from waiting import until
 from cutenv.emulation.fake_rig import FakeRig
 from cutenv.rig.config.settings import Bus, SensorSettings, fake_settings
 from cutenv.rig.devices.canopen.network import CanNetwork
-from cutenv.rig.devices.host import AT_ONCE, FakeClock, SystemClock
+from cutenv.rig.devices.loop import AT_ONCE, FakeClock, SystemClock
 from cutenv.rig.devices.netft_sensor import NetftSensor
 from cutenv.rig.devices.protocols import DriveState, ForceSample, Latch, MotionSample, Phase
 from cutenv.rig.devices.serial.board import SerialBoard

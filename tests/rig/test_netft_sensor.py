@@ -13,7 +13,7 @@ from sensor_stream import LOADS, Feed, Kept, settings_of, settle, streaming, wai
 
 from cutenv.emulation.sensor_server import SensorPage, SensorServer
 from cutenv.rig.config.settings import SensorSettings
-from cutenv.rig.devices.host import FakeClock, SystemClock
+from cutenv.rig.devices.loop import FakeClock, SystemClock
 from cutenv.rig.devices.netft_sensor import NetftSensor, SensorPacket, SensorStatus, packet_bytes
 from cutenv.rig.devices.protocols import ForceDriver
 from cutenv.rig.devices.reading_stream import STEADY_FORCE, SampleClock

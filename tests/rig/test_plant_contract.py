@@ -12,7 +12,7 @@ from made_ready import ready_rig, release
 
 from cutenv.emulation.fake_rig import replayed_rig
 from cutenv.emulation.process import start
-from cutenv.rig.devices.host import preferred
+from cutenv.rig.devices.loop import preferred
 from cutenv.rig.operation.preflight import SETTLE
 from cutenv.rig.plant import rig_plant
 from cutenv.rig.safety.stop_causes import RigStopped

@@ -13,7 +13,7 @@ from cutenv.emulation.fake_benches import SpecimenPlant
 from cutenv.emulation.fake_rig import FakeRig, fake_rig
 from cutenv.rig.config.mounted_specimen import MountedSpecimen
 from cutenv.rig.config.settings import SensorCalibration, SensorSettings, fake_settings
-from cutenv.rig.devices.host import FakeClock
+from cutenv.rig.devices.loop import FakeClock
 from cutenv.rig.devices.protocols import DriveState
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import AutomaticOperator

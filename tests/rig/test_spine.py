@@ -19,7 +19,7 @@ import pytest
 from stage_in_memory import HANGS, TOLD, Balance, Judge, settings, told
 from waiting import until
 
-from cutenv.rig.devices.host import SystemClock
+from cutenv.rig.devices.loop import SystemClock
 from cutenv.rig.devices.protocols import DriveState, ForceSample, MotionSample
 from cutenv.rig.errors import RigError
 from cutenv.rig.plant import RigPlant, rig_plant

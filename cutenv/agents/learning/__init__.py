@@ -9,7 +9,7 @@ A module is imported when it is used, since some load torch:
   held-out specimens, with intervals (``cutenv evaluate``);
 - :mod:`~cutenv.agents.learning.ppo`, :mod:`~cutenv.agents.learning.recurrent_ppo`,
   :mod:`~cutenv.agents.learning.off_policy` (SAC, TQC, CrossQ), :mod:`~cutenv.agents.learning.bc`,
-  :mod:`~cutenv.agents.learning.iql`: the learners of ``cutenv train``, with their options in
+  :mod:`~cutenv.agents.learning.iql`: the learners of ``cutenv train``, with options and defaults in
   :mod:`~cutenv.agents.learning.arguments`;
 - :mod:`~cutenv.agents.learning.on_policy`, :mod:`~cutenv.agents.learning.progress`,
   :mod:`~cutenv.agents.learning.cloning`, :mod:`~cutenv.agents.learning.asymmetric_actors`: their parts;

@@ -1,4 +1,4 @@
-"""Options of learners, a dataclass each, for ``cutenv train``.
+"""Options of learners and their defaults, a dataclass each, for ``cutenv train``.
 
 They are those of learners by trial (PPO, SAC, TQC, CrossQ), and of those by imitation and from data (BC, IQL).
 
@@ -13,7 +13,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from cutenv.agents.learning.options import check_ranges, drawn_as, flag_of, option
+from cutenv.agents.learning.option_fields import check_ranges, drawn_as, flag_of, option
 from cutenv.agents.learning.seeds import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 from cutenv.agents.policy import SCRIPTS
 from cutenv.envs.constants import rig_constants
@@ -280,7 +280,7 @@ class TrialArguments(LearnerArguments):
     timesteps: int = option(4_000_000, "number of decisions to train for", (1, 10**12), resumable=True)
     history: int = 0
     environments: int = 1000
-    batch_size: int = option(16_000, "number of decisions in a gradient step", (2, 10**9))  # divided by their deviation
+    batch_size: int = option(16_000, "number of decisions in a gradient step", (2, 10**9))
     learning_rate: float = option(2.5e-4, "learning rate at the start; falls linearly to a twentieth", (1e-9, 1.0))
     gamma: float = option(1.0, "discount per decision", (0.0, 1.0))
     averaging: float = option(

@@ -1,4 +1,4 @@
-"""Behaviour cloning.
+"""Learner "bc", behaviour cloning.
 
 Imitate a script, or the cuts of a Minari data set, without any trial.
 

@@ -1,6 +1,6 @@
-"""Published benchmark.
+"""Protocol, statistics and entries of the published benchmark.
 
-Specimens and statistics by which policies are compared, a policy's standing, its submission.
+Specimens on which policies are compared, a policy's standing, its submission.
 
 An entry cuts specimens of its own: their seeds are drawn from the digest of the entry's files, so that no file can hold
 the answers to them, and anybody can draw them again.

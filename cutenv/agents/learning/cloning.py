@@ -1,6 +1,6 @@
-"""Behaviour cloning.
+"""Fit of a policy network to demonstrations.
 
-Fit a policy network to demonstrations, alone or before it learns by trial.
+Alone or before it learns by trial.
 
 The script that demonstrates acts with some noise, so that the clone learns how to come back from small mistakes; the
 target is the action that the script would have taken without it.

@@ -18,7 +18,7 @@ from cutenv.agents.learning.arguments import LearnerArguments, PPOArguments, Tri
 from cutenv.agents.learning.cloning import Demonstrations, script_demonstrations
 from cutenv.agents.learning.environment_groups import EnvironmentGroups
 from cutenv.agents.learning.evaluation import contestant, evaluate
-from cutenv.agents.learning.options import drawn_as
+from cutenv.agents.learning.option_fields import drawn_as
 from cutenv.agents.learning.progress import CheckpointExtras, Progress, save_model
 from cutenv.agents.learning.run_folder import RunRequest, end_interrupted, export, record_run, write_facts
 from cutenv.agents.learning.statistics import read_rows

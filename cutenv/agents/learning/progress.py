@@ -1,4 +1,4 @@
-"""Callback of a training.
+"""Callback of a training run.
 
 Progress bar, learning curve, checkpoints, running average of the actor, validation.
 

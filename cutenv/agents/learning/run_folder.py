@@ -20,7 +20,7 @@ import gymnasium
 from cutenv._base.output import atomic_write, check_writable
 from cutenv._base.resources import git
 from cutenv.agents.learning.arguments import BadArguments, LearnerArguments, for_rig
-from cutenv.agents.learning.options import add_options, declared, flag_of, parse
+from cutenv.agents.learning.option_fields import add_options, declared, flag_of, parse
 from cutenv.agents.learning.seeds import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 from cutenv.agents.policy import Network, RecurrentNetwork, save_policy
 

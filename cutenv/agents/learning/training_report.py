@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cutenv.agents.learning.evaluation import Contestant, batched_rollout, contestant, evaluate
-from cutenv.agents.learning.options import class_in_words, drawn_as
+from cutenv.agents.learning.option_fields import class_in_words, drawn_as
 from cutenv.agents.learning.seeds import TEST_SEEDS
 from cutenv.agents.learning.statistics import best_script, differences, read_rows, summarise, write_csv
 from cutenv.agents.policy import BASELINES, CONSTANT_FEEDS, NULL_POLICIES, ORACLE, SCRIPTS, RandomAction

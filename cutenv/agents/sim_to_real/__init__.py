@@ -1,6 +1,6 @@
 """Sim-to-real comparison of a policy on rig and simulator.
 
-It has paired differences, curves and the control clock.
+By paired differences, curves, and the control clock.
 """
 
 from cutenv.agents.sim_to_real.equivalence import (

@@ -367,7 +367,7 @@ def paired_experiment(
     specimen : Specimen, optional
         The one that every cut is made in, where its tissue is known, such as blocks from one mould.
     unknown : bool, optional
-        True to treat an imitated rig's specimens as those of a lab; by default as the rig is.
+        True to treat an emulated or fake rig's specimens as those of a lab; by default as the rig is.
     progress : callable, optional
         Called with the side and the number of specimens that it has cut.
     """

@@ -1,7 +1,7 @@
 """Sequential comparison of two policies on a rig, by pairs.
 
 Every cut is kept at once, and the rest can follow any day. The two cuts of a pair are made in a random order, from a
-seed that is kept. An imitated rig lays the same specimen for both. A lab cuts side by side in one liver (``apart``):
+seed that is kept. An emulated rig lays the same for both. A lab cuts side by side in one liver (``apart``):
 the coin then says which policy gets which place, and where the cuts have a measured opening, what the twins of the two
 places foretell corrects the difference.
 

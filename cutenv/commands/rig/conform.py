@@ -37,7 +37,7 @@ from cutenv.rig.devices.driver_registry import (
     registered_drivers,
     traits_of,
 )
-from cutenv.rig.devices.host import SystemClock, preferred
+from cutenv.rig.devices.loop import SystemClock, preferred
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import operator_of
 

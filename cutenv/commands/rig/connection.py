@@ -10,7 +10,7 @@ from contextlib import ExitStack, contextmanager
 from typing import NamedTuple
 
 from cutenv.rig.config.settings import EMULATED, FAKE, RigSettings, fake_settings
-from cutenv.rig.devices.host import FakeClock, undisturbed
+from cutenv.rig.devices.loop import FakeClock, undisturbed
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.preflight import SETTLE
 from cutenv.rig.plant import RigPlant, rig_plant

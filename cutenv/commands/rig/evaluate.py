@@ -320,5 +320,5 @@ def add_opening(parser: argparse.ArgumentParser) -> None:
     """Add ``--opening``, the length of the measured opening."""
     parser.add_argument(
         "--opening", metavar="LENGTH", help="let both policies take over after the same slow feed of this length, such "
-        "as 25mm, by which twins of both places correct their difference; with --unknown on an imitated rig",
+        "as 25mm, by which twins of both places correct their difference; with --unknown on an emulated or fake rig",
     )  # fmt: skip

@@ -20,7 +20,7 @@ from typing import TextIO
 from cutenv.commands.options import RIG, command_parser
 from cutenv.commands.rig import reports_rig_errors
 from cutenv.commands.rig.connection import connected
-from cutenv.rig.devices.host import PacedClock
+from cutenv.rig.devices.loop import PacedClock
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.jogging import SPEED, TOP_SPEED, Jog, JogKey, KeyDecoder, jog
 from cutenv.rig.operation.operator import operator_of

@@ -37,7 +37,7 @@ from cutenv.commands.rig import AFTER_CTRL_C, by_signal, reports_rig_errors
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.canopen.objects import ENABLE_OPERATION, AxisUnits, command_frame
 from cutenv.rig.devices.driver_registry import axes_driven_by
-from cutenv.rig.devices.host import SystemClock
+from cutenv.rig.devices.loop import SystemClock
 from cutenv.task.registry import TASKS, RegisteredTask, task_made_as
 
 if TYPE_CHECKING:

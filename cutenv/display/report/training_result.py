@@ -57,7 +57,7 @@ class Score:
 
     @property
     def head(self) -> ColumnHead:
-        """ColumnHead of its column."""
+        """Heading of its column."""
         return (self.heading, self.unit) if self.unit else self.heading
 
     def cell(self, row: Mapping[str, Any] | None) -> str:

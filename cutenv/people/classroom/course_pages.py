@@ -71,7 +71,7 @@ class CoursePages:
         language = self._site.language
         tasks = [_shown(task) for task in content.get("task", [])]
         return self._site.page(
-            "course.html", status, trouble=trouble, content=dict(_EMPTY) | dict(content),
+            "teacher_course.html", status, trouble=trouble, content=dict(_EMPTY) | dict(content),
             tasks=[*tasks, _shown({})], root="../", kinds=tasks_with("hand"), classes=CLASSES,
             lines=(*KINDS, "mixed"), rules={rule: course_words(language, rule) for rule in FEEDBACK},
             metrics=_metrics(language), edited=key != NEW and courses.file(key).is_file(), key=key, new=NEW,

@@ -146,7 +146,7 @@ class TeacherPages:
         places = await run_in_threadpool(self._lesson.store.places)
         classes = sorted({place.class_name for place in places.values() if place.class_name})
         answer = self._site.page(
-            "live.html", rows=rows, by=by, orders=LIVE_ORDERS, classes=classes, chosen=chosen, root="../",
+            "teacher_live.html", rows=rows, by=by, orders=LIVE_ORDERS, classes=classes, chosen=chosen, root="../",
             course=any(row["course"] for row in rows), several=bool(self._lesson.courses.further()),
             counts={state: _count(rows, state) for state in (CUTTING, STALLED)},
         )  # fmt: skip
@@ -218,7 +218,7 @@ class TeacherPages:
         for row in (row for row in rows if row["code"] == code):
             k, comments = codes.index(code), await run_in_threadpool(self._lesson.store.comments, code)
             return self._site.page(
-                "person.html", person=row, mark=row["mark"], root="../../", comments=comments,
+                "teacher_person.html", person=row, mark=row["mark"], root="../../", comments=comments,
                 longest=LONGEST_COMMENT, before=codes[k - 1] if k else "", after="".join(codes[k + 1 : k + 2]),
             )  # fmt: skip
         raise HTTPException(404, "There is no such code.")
@@ -298,7 +298,7 @@ class StudyPages:
             if where.group:
                 groups[where.group] = groups.get(where.group, 0) + any(cut.state == SAVED for cut in cuts)
         return self._site.page(
-            "studies.html", status, trouble=trouble, classes=sorted(counts.items()), groups=sorted(groups.items()),
+            "teacher_studies.html", status, trouble=trouble, classes=sorted(counts.items()), groups=sorted(groups.items()),
             marks=marks_in_force(self._lesson), analyses=self._lesson.analyses.all(),
             fewest=FEWEST_PEOPLE, root="../",
         )  # fmt: skip
@@ -323,7 +323,7 @@ class StudyPages:
         shown: dict[str, Any] = {"state": state, "said": made.said(), "files": made.files(), "marks": made.marks()}
         source = f"{made.title}, {date.today().isoformat()}"
         answer = self._site.page(
-            "analysis.html", analysis=made, source=source, root="../../", in_force=marks_in_force(self._lesson), **shown
+            "teacher_analysis.html", analysis=made, source=source, root="../../", in_force=marks_in_force(self._lesson), **shown
         )
         if state in ("waiting", "working"):
             answer.headers["Refresh"] = "2"  # the page has no script that could ask
@@ -447,7 +447,7 @@ class UploadPages:
         codes = [code for code, _ in self._lesson.store.codes()]
         root = "../../" if upload else "../"
         return self._site.page(
-            "upload.html", status, upload=upload, form=form, codes=codes, picked=PICKED, units=units_by_field(),
+            "teacher_upload.html", status, upload=upload, form=form, codes=codes, picked=PICKED, units=units_by_field(),
             root=root, **filled,
         )  # fmt: skip
 

@@ -1,4 +1,8 @@
-"""Score for people, scripts, agents and rigs, from measurable quantities."""
+"""Score for people, scripts, agents and rigs, from measurable quantities.
+
+A record is looked at before it is scored: ``record_check`` names faults of its signal for the person who made it
+(``cutenv check``), ``validity`` refuses what cannot be scored, ``doubts`` notes what can hardly be true.
+"""
 
 from cutenv.records.scoring import cut_metrics  # noqa: F401  they enter their metrics
 from cutenv.records.scoring.cut_map import DepthMap, PathMap

@@ -1,6 +1,6 @@
 """Doubts about a record.
 
-They are about what it claims and does not show, or what can hardly be true; each is a note on the card.
+What it claims and does not show, or what can hardly be true: each doubt is a note on the card.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""ScorePoints of a cut, part by part.
+"""Points of a cut, part by part.
 
 The overall score is their sum, up to 100.
 """
@@ -62,14 +62,14 @@ _LEAST_ANGLE = 0.5 * math.pi - ANGLE_TOLERANCE  # [rad]
 
 @dataclass(frozen=True, kw_only=True)
 class ScorePoints:
-    """ScorePoints of one part of the overall score.
+    """Points of one part of the overall score.
 
     Attributes
     ----------
     part : str
         Name of the part, or of the metric.
     points, most : float
-        ScorePoints of this cut, and of the best.
+        Points of this cut, and of the best.
     reason : str
         What they are given for, in words for people.
     """

@@ -1,6 +1,6 @@
 """Specimen on a rig's bench.
 
-It is what is laid on that of an imitated rig, or a depth of cut measured by caliper.
+What is laid on that of an emulated or fake rig, or a depth of cut measured by caliper.
 """
 
 from __future__ import annotations

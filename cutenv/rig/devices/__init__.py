@@ -4,7 +4,7 @@ Here is what a driver of your own needs, and the drivers that come with the pack
 """
 
 from cutenv.rig.devices.driver_registry import DriverKind, DriverTraits, Mounting, registered_drivers, rig_driver
-from cutenv.rig.devices.host import Clock, FakeClock, SystemClock
+from cutenv.rig.devices.loop import Clock, FakeClock, SystemClock
 from cutenv.rig.devices.protocols import (
     DriveState,
     Event,

@@ -13,7 +13,7 @@ from typing import ClassVar
 
 from cutenv._base.validation import in_range
 from cutenv.rig.config.settings import Axis
-from cutenv.rig.devices.host import READ_EVERY, Clock, Repeating
+from cutenv.rig.devices.loop import READ_EVERY, Clock, Repeating
 from cutenv.rig.devices.protocols import DriveState, Event, ForceListener, ForceSample, Latch, MotionListener
 from cutenv.rig.devices.reading_stream import ReadingMean, ReadingStream, Zero
 from cutenv.rig.errors import RigError

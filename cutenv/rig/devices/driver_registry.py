@@ -20,7 +20,7 @@ from cutenv._base.imports import import_from_here
 from cutenv._base.validation import one_of
 from cutenv.rig.config.file_schema import FileKey, keys_of
 from cutenv.rig.config.settings import Axis, CameraSettings, RigSettings, SensorSettings
-from cutenv.rig.devices.host import Clock
+from cutenv.rig.devices.loop import Clock
 
 Made = TypeVar("Made", bound=Callable[..., Any])
 Shared = TypeVar("Shared")

@@ -23,7 +23,7 @@ from typing import NamedTuple, NoReturn
 from cutenv._base.validation import in_range
 from cutenv.rig.config.settings import SensorSettings
 from cutenv.rig.devices.driver_bases import FIRST_READING, StreamedSensor
-from cutenv.rig.devices.host import AT_ONCE, Attempt, Clock
+from cutenv.rig.devices.loop import AT_ONCE, Attempt, Clock
 from cutenv.rig.devices.reading_stream import LEAK, SEQUENCES, SampleClock, Zero
 from cutenv.rig.errors import RigError
 

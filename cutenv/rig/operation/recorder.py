@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cutenv._base.arrays import Array
-from cutenv.rig.devices.host import SystemClock
+from cutenv.rig.devices.loop import SystemClock
 from cutenv.rig.devices.protocols import ForceSample, MotionSample
 from cutenv.rig.plant import RigPlant
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from cutenv._base.arrays import StructArray
 from cutenv.rig.config.mounted_specimen import measured_depth
 from cutenv.rig.config.settings import RigSettings, SafetyLimits
-from cutenv.rig.devices.host import SystemClock, undisturbed
+from cutenv.rig.devices.loop import SystemClock, undisturbed
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import Operator
 from cutenv.rig.operation.preflight import SETTLE, Check, prepare

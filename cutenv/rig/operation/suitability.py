@@ -1,6 +1,6 @@
 """Suitability of a rig.
 
-Decisions a second, ways of a stop, and tasks that it can do, from its file alone.
+Decisions a second, stopping distances, and tasks that it can do, from its file alone.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from types import FrameType
 from typing import Any, Protocol
 
 from cutenv.rig.config.settings import RigSettings, SafetyLimits
-from cutenv.rig.devices.host import Owner
+from cutenv.rig.devices.loop import Owner
 from cutenv.rig.devices.protocols import ForceSample, MotionSample, Phase
 from cutenv.rig.safety.stop_causes import Cause, StopReport
 

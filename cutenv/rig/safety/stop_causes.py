@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from cutenv._base.arrays import StructArray
 from cutenv.rig.config.settings import SafetyLimits
-from cutenv.rig.devices.host import Attempt
+from cutenv.rig.devices.loop import Attempt
 from cutenv.rig.devices.protocols import DriveState, MotionDriver, MotionSample
 from cutenv.rig.errors import RigError
 

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 
 from cutenv.rig.config.settings import RigSettings, SafetyLimits
-from cutenv.rig.devices.host import Clock
+from cutenv.rig.devices.loop import Clock
 from cutenv.rig.devices.protocols import DriveState, Event, ForceSample, Latch, MotionDriver, MotionSample, Phase
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.monitors import CREEP, ForceMonitor, ForceReadings, MotionMonitor

@@ -1,4 +1,1 @@
-"""The cut.
-
-The law of crack growth under a driven blade, its drive and its force sensor.
-"""
+"""Law of crack growth under a driven blade, its drive and its force sensor."""

@@ -1,7 +1,4 @@
-"""The tissue.
-
-Finite-element model of the slab, measured moduli and toughness, and specimens sampled from them.
-"""
+"""Finite-element model of the slab, measured moduli and toughness, and specimens."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ from cutenv.sim.tissue.path_model import PathMesh
 from cutenv.sim.tissue.tip_response import sparse_factors
 
 MeshPlace = tuple[int, int]
-"""MeshPlace of a node in half elements, along and across."""
+"""Place of a node in half elements, along and across."""
 
 AROUND: tuple[MeshPlace, ...] = ((2, 0), (2, 2), (2, -2), (0, 2), (0, -2), (-2, 2), (-2, -2), (-2, 0))
 """Steps to the eight corners around a corner."""

@@ -1,6 +1,6 @@
-"""Tables of numbers.
+"""The thesis's tables, and constants derived from them.
 
-The thesis's, parsed strictly, with errata and printed digits, and constants derived from them.
+They are parsed strictly, with errata and printed digits.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from cutenv.rig.devices.host import PRIORITY, SystemClock, preferred
+from cutenv.rig.devices.loop import PRIORITY, SystemClock, preferred
 from scripts.validation.rig.cutting_rig import WATCHED, HostWatch
 
 LOOKED = 4.0

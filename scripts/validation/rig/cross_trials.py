@@ -10,7 +10,7 @@ import threading
 import time
 from typing import Any, NamedTuple
 
-from cutenv.emulation.control import EmulatorControl
+from cutenv.emulation.control_port import EmulatorControl
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.operation.preflight import SETTLE, return_inside
 from cutenv.rig.safety.stop_causes import Cause, RigStopped, StopReport, detection_times

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cutenv.emulation.control import EmulatorControl
+from cutenv.emulation.control_port import EmulatorControl
 from cutenv.envs.rig_source import EmulatedSpecimens
 from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.devices.host import SystemClock
+from cutenv.rig.devices.loop import SystemClock
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.preflight import SETTLE, return_inside

@@ -24,7 +24,7 @@ import numpy as np
 
 from cutenv.rig.config.settings import Axis, RigSettings, SensorCalibration, SensorSettings
 from cutenv.rig.devices import DriveState, ForceSample, Latch, MotionSample, Mounting, SystemClock, rig_driver
-from cutenv.rig.devices.host import prefer, preferred, undisturbed
+from cutenv.rig.devices.loop import prefer, preferred, undisturbed
 from cutenv.rig.plant import rig_plant
 
 PERIOD = 0.001

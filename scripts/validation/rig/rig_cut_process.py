@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from cutenv.emulation.control import EmulatorControl
+from cutenv.emulation.control_port import EmulatorControl
 from cutenv.emulation.process import RunningEmulator, emulated_settings
 from cutenv.rig.devices.canopen.network import DRIVE_PATIENCE
 from cutenv.rig.errors import RigError

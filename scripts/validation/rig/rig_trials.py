@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from cutenv.drivers.grbl_axis import PIECE, SENT_AHEAD
-from cutenv.emulation.control import EmulatorControl
+from cutenv.emulation.control_port import EmulatorControl
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.canopen.network import DRIVE_PATIENCE
 from cutenv.rig.devices.serial.board import BOARD_PATIENCE

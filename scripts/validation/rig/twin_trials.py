@@ -29,7 +29,7 @@ GAINS = (1.0, 1.05, 1.2, 1.3, 1.5)
 ALL_ALONG = 1.05
 """Gain of the force over the whole cut, which the twins take up [1]."""
 UNKNOWN = "a lab's, by their twins"
-_OWN_NOISE = 77  # draw of the sensor's noise on the imitated rig
+_OWN_NOISE = 77  # draw of the sensor's noise on the rig
 
 
 def with_gain(cut: ComparedCut, gain: float) -> ComparedCut:

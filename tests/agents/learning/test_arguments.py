@@ -19,7 +19,7 @@ from cutenv.agents.learning.arguments import (
     SACArguments,
     TQCArguments,
 )
-from cutenv.agents.learning.options import declared, option, parse
+from cutenv.agents.learning.option_fields import declared, option, parse
 from cutenv.agents.learning.run_folder import add_run_options, run_request
 from cutenv.commands import train
 from cutenv.task.registry import TASKS

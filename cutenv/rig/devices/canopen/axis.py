@@ -14,7 +14,7 @@ from cutenv.rig.devices.canopen.configuration import SdoChannel
 from cutenv.rig.devices.canopen.network import CanNetwork
 from cutenv.rig.devices.canopen.objects import AxisUnits
 from cutenv.rig.devices.driver_bases import STATE_LIMIT, AxisDriver
-from cutenv.rig.devices.host import Clock
+from cutenv.rig.devices.loop import Clock
 from cutenv.rig.devices.protocols import DriveState, MotionSample
 from cutenv.rig.errors import RigError
 

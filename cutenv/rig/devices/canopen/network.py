@@ -20,7 +20,7 @@ from typing import Any, Protocol
 from cutenv._base.validation import in_range, one_of
 from cutenv.rig.config.settings import Bus
 from cutenv.rig.devices.canopen.objects import HEARTBEAT_FRAME, NMT_FRAME, NMT_OPERATIONAL, SYNC_FRAME
-from cutenv.rig.devices.host import AT_ONCE, READ_EVERY, Clock, Repeating
+from cutenv.rig.devices.loop import AT_ONCE, READ_EVERY, Clock, Repeating
 from cutenv.rig.devices.protocols import Latch
 from cutenv.rig.errors import RigError
 

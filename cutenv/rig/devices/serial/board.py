@@ -12,7 +12,7 @@ from collections.abc import Callable
 from enum import IntEnum, IntFlag
 from typing import Any, NamedTuple, Protocol
 
-from cutenv.rig.devices.host import READ_EVERY, Clock, Repeating
+from cutenv.rig.devices.loop import READ_EVERY, Clock, Repeating
 from cutenv.rig.devices.serial.ports import open_port, write_line
 from cutenv.rig.errors import RigError
 

@@ -16,6 +16,7 @@ from typing import Any
 from canopen import SdoAbortedError
 from canopen.sdo.server import SdoServer
 
+from cutenv.emulation.can_hub import Frame
 from cutenv.emulation.emulated_axis import (
     FAULT_RESET_BIT,
     POWERED,
@@ -27,7 +28,6 @@ from cutenv.emulation.emulated_axis import (
     command,
     epos4,
 )
-from cutenv.emulation.hub import Frame
 from cutenv.rig.devices.canopen.objects import ENABLE_OPERATION, PDO_UNUSED, Entry
 from cutenv.rig.devices.protocols import DriveState
 
@@ -216,7 +216,7 @@ class Node:
     axis : EmulatedAxis
         Axis that it drives; gives node number and name.
     send : callable
-        Puts a :class:`~cutenv.emulation.hub.Frame` on the bus.
+        Puts a :class:`~cutenv.emulation.can_hub.Frame` on the bus.
     happened : callable
         Called for quick stops, emergencies and lost heartbeats.
 

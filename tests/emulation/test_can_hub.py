@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from waiting import until
 
-from cutenv.emulation.hub import BadMessage, Frame, Hub, frame_text, parsed_send
+from cutenv.emulation.can_hub import BadMessage, Frame, Hub, frame_text, parsed_send
 
 PATIENCE = 5.0  # [s], far beyond what is needed
 

@@ -1,6 +1,4 @@
-"""Computer of a rig.
-
-Its clock, as an argument, and the process that owns the rig, with real-time priority.
+"""Clock and loop of a rig, and the priority of its process.
 
 The clock is the machine's own, with threads, or a fake one that tests move by hand, without threads.  A fork of the
 process inherits memory and sockets, and must not use them.  With the priority a busy computer stops no cut.
@@ -194,9 +192,7 @@ class _Due:
 class Attempt:
     """Call in a thread of its own, as drivers may hang.
 
-    It is in this thread where none can be started.
-
-    So it is when the interpreter ends.
+    Where no thread can be started, as when the interpreter ends, it runs in the caller's.
 
     Attributes
     ----------
