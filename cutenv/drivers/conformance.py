@@ -19,8 +19,10 @@ import numpy as np
 from cutenv.rig.config.settings import Axis, RigSettings
 from cutenv.rig.devices.loop import Clock, SystemClock
 from cutenv.rig.devices.protocols import DriveState, ForceDriver, ForceSample, MotionDriver, MotionSample
+from cutenv.rig.devices.reading_stream import SEQUENCES
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.preflight import ZERO_FORCE
+from cutenv.rig.spine import tare_readings
 
 CALL_TIME = 0.005
 """Time that a call may take that has not to wait for an answer [s]: a command, a quick stop."""
@@ -440,8 +442,6 @@ def _watches(trial: _Trial) -> None:
 
 
 _HEAR = 2.0  # [s]
-_FEWEST, _MOST = 20, 200  # readings of a tare
-_SEQUENCES = 2**32
 
 
 def conform_force(driver: ForceDriver, rig: RigSettings, clock: Clock) -> list[TriedPromise]:
@@ -490,7 +490,7 @@ def _readings(driver: ForceDriver, listening: Listening, rig: RigSettings, clock
     tolerance = max(0.02, driver.rate_error)
     gap, share = float(np.diff(times).max()), lost / (lost + len(readings))
     in_order = all(
-        (later.sequence - earlier.sequence - 1 - later.lost) % _SEQUENCES == 0 for earlier, later in pairwise(readings)
+        (later.sequence - earlier.sequence - 1 - later.lost) % SEQUENCES == 0 for earlier, later in pairwise(readings)
     )
     deaf = [
         axis
@@ -545,7 +545,7 @@ def _readings(driver: ForceDriver, listening: Listening, rig: RigSettings, clock
 
 
 def _tares(driver: ForceDriver, listening: Listening, clock: Clock) -> list[TriedPromise]:
-    samples = min(max(round(driver.rate), _FEWEST), _MOST)
+    samples = tare_readings(driver.rate)
     first = driver.tare(samples)
     start = clock.now()
     clock.sleep_until(start + 0.5 + 5.0 / driver.rate)

@@ -363,7 +363,6 @@ NOISE = 0.4
 _DIGITAL = ("status", "loss", "reorder")  # faults of a sensor that sends packets
 _NOISES = 4096
 _RATE = 1000.0  # [Hz] of the readings; the caller of send has to keep it
-_SEQUENCES = 1 << 32
 
 
 class AnalogueFaults(SensorFaults):
@@ -440,7 +439,7 @@ class BoardServer:
         """Convert and send a reading's forces [N] and torques [N m]."""
         faults = self.faults
         with self._lock:
-            self._number = (self._number + 1) % _SEQUENCES
+            self._number = (self._number + 1) % SEQUENCES
             if faults.silent:
                 self._late.clear()
                 return

@@ -112,7 +112,7 @@ class ReadingGrid:
         Number of readings collected since then.
     newest : float
         Time of the newest force that :meth:`collect` used [s].
-    beside : Records or None
+    channels : Records or None
         :data:`CHANNEL_READINGS` for the last readings that :meth:`collect` returned; None for a rig that
         has no axis across the cut and records the force along it alone.
     line : CutLine or None
@@ -379,7 +379,7 @@ class RigPlant(Travel):
 
         A rig with a height axis takes ``descent_speed`` [m/s], downwards, one with an axis to the side ``turn_rate``
         [rad/s], to the left: ``speed`` is then in the direction of :attr:`heading`.  What these axes measure is in
-        :attr:`beside`.
+        :attr:`channels`.
 
         Raises
         ------

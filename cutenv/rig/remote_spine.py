@@ -3,16 +3,16 @@
 What runs where::
 
     program                                       spine (a plain interpreter: no policy, compiler or learner)
-    policy, environment, records                  drivers, which the loop reads
+    policy, environment, records                  drivers, which the loop reads; few have a thread of their own
     plant: when the blade goes where              supervisor: judges every report and every command
     RemoteSpine  ---- commands, calls (socket) -> main thread: passes them to supervisor and drivers
                  <--- samples, state (memory) --- loop, every 0.5 ms
                  ---- stops (memory) -----------> loop: every 2 ms; also signals, and whether the program lives
 
 A command is 72 bytes with number, time and validity, put into a socket that wakes the spine: the system delivers it
-whole and in order, or not at all. Samples and the state come back through :mod:`cutenv.rig.spine_process`, where nobody
-waits and there is no lock. Calls that take their time (power, tare, reset) are pickled through the same socket, and
-none is needed while the blade cuts.
+whole and in order, or not at all. Samples and the state come back through :mod:`cutenv.rig.spine_process`: neither
+process waits for the other, and there is no lock between them. Calls that take their time (power, tare, reset) are
+pickled through the same socket, and none is needed while the blade cuts.
 
 A program that is killed, paused, hangs or compiles sends no next command in time: that stops the blade, as a late
 command does. If the spine is killed, the drives miss its heartbeat and stop; the program is told so at its next look.
@@ -44,7 +44,7 @@ from cutenv.rig.errors import RigError
 from cutenv.rig.safety.oversight import SIGNALS
 from cutenv.rig.safety.stop_causes import Cause, StopReport
 from cutenv.rig.spine import CLOSED_WITHIN, Receiver
-from cutenv.rig.spine_process import COMMAND, DONE, GO, REPLY, TURN, Link, deliver, read_state
+from cutenv.rig.spine_process import COMMAND, DONE, GO, LONGEST_HOLD, REPLY, TURN, Link, cut_to, deliver, read_state
 
 _STARTS_WITHIN = 60.0  # [s]
 _CALLS_WITHIN = 60.0  # [s] for power, tare, reset; each driver has its own, shorter limits
@@ -53,6 +53,7 @@ _HEARD_WITHIN = 0.2  # [s] for the spine to hear a stop, after which the line is
 _STOPS_WITHIN = 0.5  # [s] for a stop that is asked for to be under way
 _SILENT = 0.2  # [s] without a sample, from which the program knows nothing of the blade any more
 _HEARS_EVERY = 1.0  # [s] of samples that are taken in at a time, at most
+_DETAIL = 800  # [bytes] of the detail of a stop that is asked for
 _LOOK = 0.0005  # [s] between two looks for an answer through the memory
 
 
@@ -94,11 +95,11 @@ class RemoteSpine:
         self._process: subprocess.Popen[bytes] | None = None
         self._line: Connection
         self._link: Link
-        self._calling, self._hearing = threading.Lock(), threading.Lock()
+        self._calling, self._hearing = threading.Lock(), threading.RLock()  # which a signal's handler may find held
         self._numbers = itertools.count(1)
         self._asked = 0
         self._closing = False
-        self._hearer, self._heard_at = 0, 0.0
+        self._taking_in, self._heard_at = False, 0.0
         self._why_ended = ""
         self.lost: StopReport | None = None
         """Report of the spine's own end, if it ended before it was closed."""
@@ -267,31 +268,36 @@ class RemoteSpine:
 
     def hear(self) -> None:
         """Take in what the spine has reported since the last time."""
-        if self._process is None or not self._owner.here or self._hearer == threading.get_ident():
-            return  # a fork's copy of the lock is never released; a signal's handler has interrupted this
+        if self._process is None or not self._owner.here:
+            return  # a fork's copy of the lock is never released
         with self._hearing:
-            self._hearer = threading.get_ident()
+            if self._taking_in:
+                return  # this is a signal's handler, which has interrupted this very thread
+            self._taking_in = True
             try:
-                missed = self._take_in()
+                why = self._take_in()
             finally:
-                self._hearer = 0
-        if self.supervisor.last_phase is not Phase.READY or self.supervisor.heard < self._asked:
-            return  # nothing moves, or a stop is asked for already, and is the reason
-        if missed or self.clock.now() - self._heard_at > _SILENT:
-            self._heard_at = math.inf  # until the next comes
-            why = f"{missed} readings of the spine are lost" if missed else "nothing comes from the spine any more"
+                self._taking_in = False
+        if why:
             self.ask_for_stop(Cause.EXCEPTION, f"{why}: it is paused, or something wrote to its memory")
 
-    def _take_in(self) -> int:
-        """Take in what is in the memory; return how many readings are missing."""
+    def _take_in(self) -> str:
+        """Take in what is in the memory; return why the blade has to be stopped, or ""."""
         self.supervisor.hear(self._link.states)
-        samples, before = self._link.samples, self._link.samples.lost
+        samples, before, came = self._link.samples, self._link.samples.lost, False
         while (record := samples.take()) is not None:
             deliver(record, self._axes, self)
-            self._heard_at = 0.0
-        self._heard_at = self._heard_at or self.clock.now()
+            came = True
+        now, missed = self.clock.now(), samples.lost - before
+        if came or not self._heard_at:
+            self._heard_at = now
         self._note_end()
-        return samples.lost - before
+        if self.supervisor.last_phase is not Phase.READY or self.supervisor.heard < self._asked:
+            return ""  # nothing moves, or a stop is asked for already, and is the reason
+        if not missed and now - self._heard_at <= _SILENT:
+            return ""
+        self._heard_at = math.inf  # until the next comes
+        return f"{missed} readings of the spine are lost" if missed else "nothing comes from the spine any more"
 
     def force(self, sample: ForceSample) -> None:
         """Take a reading of the force sensor from the memory."""
@@ -317,7 +323,7 @@ class RemoteSpine:
 
     def ask_for_stop(self, cause: Cause, detail: str) -> None:
         """Have the loop of the spine stop the blade, from any thread; return once its quick stops are under way."""
-        process, number = self._process, self._ask({"cause": cause.value, "detail": detail[:400]})
+        process, number = self._process, self._ask({"cause": cause.value, "detail": cut_to(detail, _DETAIL)})
         asked = time.monotonic()
         while self.supervisor.heard < number and process is not None and not (self.gone or self._closing):
             if (waited := time.monotonic() - asked) > _HEARD_WITHIN:
@@ -334,8 +340,8 @@ class RemoteSpine:
             line.shutdown(socket.SHUT_RDWR)
 
     def _ask(self, wanted: dict[str, Any]) -> int:
-        self._asked += 1
         self._link.stops.put(json.dumps(wanted).encode())
+        self._asked += 1
         return self._asked
 
     # Procedures, each as that of the spine with this name
@@ -432,7 +438,7 @@ class RemoteSupervisor:
     def turn(self, rate: float) -> None:
         """Send a turning speed [rad/s] to the angle's axis, if the rig is released."""
         with suppress(RigError):  # who waits for the blade sees that the spine has ended
-            self._spine.command(TURN, rate, 0.0, 0.0, 0.0, 0.0)
+            self._spine.command(TURN, rate, 0.0, LONGEST_HOLD, 0.0, 0.0)
 
     def trip(self, cause: Cause, detail: str) -> None:
         """Stop the blade of a released rig, from any thread; return once the quick stops are on their way."""

@@ -25,7 +25,6 @@ from cutenv.rig.safety.stop_causes import AGAIN, WATCH, Cause
 from cutenv.rig.safety.supervisor import Supervisor
 
 _SAME_RATE = 0.02  # relative difference allowed between the sensor's rate and the file's
-_FEWEST, _MOST = 20, 200  # readings of a tare: a second of them, within these
 _LOCKED_WITHIN = 0.5  # [s] for the last zero speed to be on the bus
 CLOSED_WITHIN = 8.0
 """Time for a driver to close [s]: to bring its axis to rest, and to switch its power off."""
@@ -130,7 +129,7 @@ class Spine:
 
     def _watch_parent(self, now: float) -> None:
         if os.getppid() != self._parent:
-            self.supervisor.trip(Cause.ORPHANED, f"the parent process {self._parent} has ended", now)
+            self.supervisor.trip(Cause.ORPHANED, f"the process {self._parent}, which started this one, has ended", now)
 
     def close(self) -> None:
         """Stop any motion and close drives and sensor; never raises for a rig that is gone."""
@@ -197,7 +196,7 @@ class Spine:
 
     def tare(self) -> tuple[float, float, float]:
         """Take the present force as zero; return it [N], relative to the sensor's own zero."""
-        return self.sensor.tare(min(max(round(self.sensor.rate), _FEWEST), _MOST))
+        return self.sensor.tare(tare_readings(self.sensor.rate))
 
     # Reports of the drivers go to the supervisor first. Whatever time they give, that of their arrival here counts; and
     # a report that cannot be judged, for any reason, is a fault, and ends neither loop nor driver's thread.
@@ -205,14 +204,18 @@ class Spine:
     def _failed(self, why: str) -> None:
         self.supervisor.trip(Cause.EXCEPTION, why)
 
+    def _judged(self, what: str, judge: Callable[..., None], *report: Any) -> None:
+        try:
+            judge(*report)
+        except Exception as error:
+            self._failed(f"{what} cannot be judged: {type(error).__name__}: {error}")
+
     def force(self, sample: ForceSample) -> None:
         """Take a reading of the force sensor."""
-        try:
-            self._take_force(ForceSample(self.clock.now(), *sample[1:]))
-        except Exception as error:
-            self._failed(f"a reading of the sensor cannot be judged: {type(error).__name__}: {error}")
+        self._judged("a reading of the sensor", self._take_force, sample)
 
     def _take_force(self, sample: ForceSample) -> None:
+        sample = ForceSample(self.clock.now(), *sample[1:])
         if self._gain != 1.0:
             (x, y, z), (a, b, c), gain = sample.force, sample.torque, self._gain
             sample = sample._replace(force=(gain * x, gain * y, gain * z), torque=(gain * a, gain * b, gain * c))
@@ -227,34 +230,39 @@ class Spine:
 
     def motion(self, axis: str, sample: MotionSample) -> None:
         """Take a sample of an axis."""
-        try:
-            self._take_motion(axis, MotionSample(self.clock.now(), *sample[1:]))
-        except Exception as error:
-            self._failed(f"a sample of the {axis} axis cannot be judged: {type(error).__name__}: {error}")
+        self._judged(f"a sample of the {axis} axis", self._take_motion, axis, sample)
 
     def _take_motion(self, axis: str, sample: MotionSample) -> None:
+        sample = MotionSample(self.clock.now(), *sample[1:])
         self.supervisor.motion(axis, sample)
         if self._receiver is not None:
             self._receiver.motion(axis, sample)
 
     def alive(self, axis: str, time: float) -> None:
         """Take a heartbeat of a drive."""
-        now = self.clock.now()
+        self._judged(f"a heartbeat of the {axis} axis", self._take_heartbeat, axis, self.clock.now())
+
+    def _take_heartbeat(self, axis: str, now: float) -> None:
         self.supervisor.alive(axis, now)
         if self._receiver is not None:
             self._receiver.alive(axis, now)
 
     def emergency(self, axis: str, code: int, meaning: str, time: float) -> None:
         """Take an error report of a drive."""
-        self.supervisor.emergency(axis, code, meaning, self.clock.now())
+        self._judged(f"an error of the {axis} axis", self.supervisor.emergency, axis, code, meaning, self.clock.now())
 
     def foreign(self, axis: str, what: str, time: float) -> None:
         """Take the report that another master commands a drive."""
-        self.supervisor.foreign(axis, what, self.clock.now())
+        self._judged(f"a command to the {axis} axis", self.supervisor.foreign, axis, what, self.clock.now())
 
     def broken(self, axis: str, why: str, time: float) -> None:
         """Take the report that a drive can no longer be reached."""
-        self.supervisor.broken(axis, why, self.clock.now())
+        self._judged(f"the loss of the {axis} axis", self.supervisor.broken, axis, why, self.clock.now())
+
+
+def tare_readings(rate: float) -> int:
+    """Return how many readings a tare takes at ``rate`` [Hz]: those of a second, 20 to 200."""
+    return min(max(round(rate), 20), 200)
 
 
 def mounted_spine(settings: RigSettings, clock: Clock) -> Spine:

@@ -42,7 +42,7 @@ from cutenv.rig.devices.protocols import DriveState, ForceSample, MotionSample
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.oversight import SIGNALS
 from cutenv.rig.safety.stop_causes import WATCH, Cause, StopReport
-from cutenv.rig.spine import Receiver, Spine, mounted_spine
+from cutenv.rig.spine import CLOSED_WITHIN, Receiver, Spine, mounted_spine
 
 _HEAD = struct.Struct("<QII")  # number, checksum, length
 
@@ -187,7 +187,7 @@ class Link:
     Attributes
     ----------
     samples : Ring
-        What drivers have reported, from the spine: more than ten seconds of it.
+        What drivers have reported, from the spine: about ten seconds of it.
     states : Ring
         State of the rig as JSON, from the spine, whenever it has changed.
     stops : Ring
@@ -207,6 +207,13 @@ class Link:
     def close(self) -> None:
         """Close the descriptor; what was shared can still be read."""
         os.close(self.file)
+
+
+def cut_to(text: str, size: int) -> str:
+    """Return as much of a text as takes ``size`` bytes in JSON."""
+    while len(json.dumps(text)) > size:
+        text = text[: 3 * len(text) // 4]
+    return text
 
 
 def _memory_file(length: int) -> int:
@@ -235,10 +242,9 @@ SEEN = ("latched", "beyond", "pressed", "relieving", "standing")
 """Properties of the supervisor that it may read."""
 LONGEST_HOLD = 1.0
 """Greatest time for which a command may be valid [s]; the blade goes on for so long without the program."""
-_DETAIL = 600  # characters of a detail that are told
+_DETAIL = 1200  # [bytes] of a detail that are told
 _LONGEST_MESSAGE = 1 << 16  # [bytes] of a command or call
 _WRITTEN_WITHIN = 0.5  # [s] for what was logged last to be written
-_FOREVER = 3600.0  # [s]
 _STACK = 1 << 19  # [bytes] of a thread
 _log = logging.getLogger(__name__)
 
@@ -298,8 +304,8 @@ class _Served:
             with suppress(OSError):  # nobody waits for it any more
                 self._line.send_bytes(reply)
         self._over = True
-        while True:
-            time.sleep(_FOREVER)  # the loop's end is the end of this process
+        time.sleep(CLOSED_WITHIN * (len(self.spine.axes) + 2))
+        os._exit(1)  # the loop, whose end is that of this process, is held up by a driver
 
     def _commanded(self, message: bytes) -> bytes:
         mark, number, parent, given, speed, angle, hold, height, side = COMMAND.unpack(message)
@@ -312,12 +318,12 @@ class _Served:
                 self._parents_end = os.pidfd_open(parent)
         self._in_order(number)
         try:
-            if mark == TURN:
-                supervisor.turn(speed)
-                return REPLY.pack(DONE, number, angle)
             if not 0.0 <= late <= hold <= LONGEST_HOLD:
                 given = f"a command came {1e3 * late:.0f} ms after it was given"
                 supervisor.trip(Cause.OVERRUN, f"{given}, to be valid for {1e3 * hold:.0f} ms")
+            if mark == TURN:
+                supervisor.turn(speed)
+                return REPLY.pack(DONE, number, angle)
             return REPLY.pack(DONE, number, supervisor.drive(speed, angle, hold - late, height=height, side=side))
         except Exception as error:
             return pickle.dumps((number, False, _portable(error)))
@@ -372,17 +378,17 @@ class _Served:
             self._over = True
         if self._over and not self._leaving:
             self._leaving = True
-            threading.Thread(target=self._closed, name="rig close").start()  # the loop has to go on meanwhile
+            Attempt(self._closed, "rig close")  # the loop has to go on meanwhile
         self._tell()
 
     def _tell(self) -> None:
-        """Write the state of the rig if it has changed; whoever writes later has looked later."""
+        """Write the state of the rig if it has changed; the loop's next look corrects one that two have written."""
         supervisor, report = self.supervisor, self.supervisor.report
-        stop = None if report is None else asdict(report) | {"detail": report.detail[:_DETAIL]}
+        stop = None if report is None else asdict(report) | {"detail": cut_to(report.detail, _DETAIL)}
         state = (str(supervisor.phase), supervisor.limited, self._heard, stop)
         if state != self._told:
-            self._told = state
             self._link.states.put(json.dumps(state).encode())
+            self._told = state
 
     def _closed(self) -> None:
         """Close the rig, and end this process."""

@@ -50,7 +50,7 @@ def test_a_position_comes_back_to_half_an_increment(axis, share):
 def test_a_speed_comes_back_to_half_a_step(axis, share):
     if (found := units(axis)) is not None:
         speed = share * axis.speed
-        assert abs(found.speed(found.velocity(speed)) - speed) <= 0.5000001 * found.speed_step
+        assert abs(found.speed(found.velocity(speed)) - speed) <= 0.5000001 * abs(found.speed(1))
         assert found.velocity(-speed) == -found.velocity(speed)
 
 
@@ -117,7 +117,7 @@ def test_samples_come_in_si_units_as_soon_as_it_is_open(benches):
     assert sample.torque == 0.125
     assert sample.state is DriveState.DISABLED
     assert bench.axis.units.steps == 1000
-    assert bench.axis.units.speed_step == pytest.approx(1e-3 / 132_000)
+    assert abs(bench.axis.units.speed(1)) == pytest.approx(1e-3 / 132_000)
 
 
 def test_the_drives_heartbeat_is_told_again_and_again(benches):
@@ -133,7 +133,7 @@ def test_a_command_turns_the_motor_and_the_speed_comes_back(benches):
     bench.axis.command(0.010)
     assert bench.drive.frames()
     until(lambda: bench.ear.samples[-1].speed != 0.0)
-    assert bench.ear.samples[-1].speed == pytest.approx(0.010, abs=bench.axis.units.speed_step)
+    assert bench.ear.samples[-1].speed == pytest.approx(0.010, abs=abs(bench.axis.units.speed(1)))
     assert bench.drive.velocity == 1_320_000  # 5 turns of the screw a second, 22 of the motor, in milli-rpm
 
 

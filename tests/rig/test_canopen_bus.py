@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import socket
 import subprocess
 import sys
@@ -44,7 +45,7 @@ def opened(drive: MadeUpDrive, ear: Ear) -> tuple[CanNetwork, CanopenAxis]:
         ("virtual", "x", {"channel": "x"}),
         ("pcan", "PCAN_USBBUS1", {"channel": "PCAN_USBBUS1", "bitrate": 500_000}),
         ("kvaser", "0", {"channel": 0, "bitrate": 500_000}),
-        ("slcan", "/dev/ttyACM0", {"channel": "/dev/ttyACM0", "bitrate": 500_000}),
+        ("slcan", "/dev/ttyACM0", {"channel": "/dev/ttyACM0", "bitrate": 500_000, "timeout": 0.0}),
         ("socketcand", "can0", {"channel": "can0", "host": "127.0.0.1", "port": 29536}),
     ],
 )
@@ -64,6 +65,31 @@ def test_an_interface_is_given_what_it_takes_and_no_more(interface, channel, arg
 def test_a_bus_that_is_not_there_is_an_error_with_its_cure(settings, told):
     with pytest.raises(RigError, match=told):
         open_bus(settings)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no pseudo-terminals")
+def test_a_serial_adapter_is_read_without_waiting_whatever_it_has_sent():
+    """The loop reads it twice a millisecond: what is not there yet, or half there, comes with the next look."""
+    adapter, port = os.openpty()
+    bus = open_bus(Bus(interface="slcan", channel=os.ttyname(port)))
+    try:
+        for sent, numbers in ((b"t1811", []), (b"05\rt7011", [0x181]), (b"7F\r\r", [0x701])):
+            os.write(adapter, sent)
+            time.sleep(0.02)
+            found = []
+            while (message := bus.recv(0.0)) is not None:
+                found.append(message.arbitration_id)
+            assert found == numbers
+        waited = []
+        for _ in range(10):
+            begun = time.monotonic()
+            bus.recv(0.0)
+            waited.append(time.monotonic() - begun)
+        assert min(waited) < 0.0005  # [s]; a busy host may hold up some
+    finally:
+        bus.shutdown()
+        os.close(adapter)
+        os.close(port)
 
 
 def test_a_misspelt_interface_is_told_the_nearest():

@@ -21,6 +21,7 @@ from waiting import until
 
 from cutenv.emulation.fake_rig import FakeRig
 from cutenv.rig.config.settings import Bus, SensorSettings, fake_settings
+from cutenv.rig.devices.canopen.axis import UNDER_WAY
 from cutenv.rig.devices.canopen.network import CanNetwork
 from cutenv.rig.devices.loop import AT_ONCE, FakeClock, SystemClock
 from cutenv.rig.devices.netft_sensor import NetftSensor
@@ -31,7 +32,7 @@ from cutenv.rig.remote_spine import RemoteSpine
 from cutenv.rig.safety.monitors import MotionMonitor
 from cutenv.rig.safety.stop_causes import Cause, StopReport
 from cutenv.rig.safety.supervisor import ASLEEP
-from cutenv.rig.spine_process import COMMAND, GO, Link, SampleWriter, _Served
+from cutenv.rig.spine_process import COMMAND, GO, Link, SampleWriter, _Served, cut_to
 
 UPRIGHT = math.pi / 2
 SOON = 0.003  # [s]
@@ -385,3 +386,96 @@ def test_a_spine_that_does_not_hear_a_stop_loses_its_line_before_it_is_killed():
     assert spine.gone
     with pytest.raises(EOFError):
         other.recv_bytes()
+
+
+@pytest.mark.promise("S16")
+@pytest.mark.parametrize("letter", ["x", "ы", "\x00", "😀"])
+def test_a_stop_with_a_long_text_in_any_letters_is_asked_for_and_told(letter):
+    spine, _, _ = deaf_spine()
+    spine._ask({"cause": Cause.EXCEPTION.value, "detail": cut_to(letter * 5000, 800)})
+    asked = spine._link.stops.take()
+    assert asked is not None
+    assert json.loads(asked)["detail"].startswith(letter * 40)
+    report = StopReport(cause=Cause.EXCEPTION, detail=letter * 5000, detected=1.0)
+    served = SimpleNamespace(
+        supervisor=SimpleNamespace(report=report, phase=Phase.STOPPED, limited=0), _heard=1, _told=(), _link=spine._link
+    )
+    _Served._tell(served)
+    spine.hear()
+    assert spine.supervisor.last_phase is Phase.STOPPED
+    assert spine.supervisor._report.detail.startswith(letter * 40)
+    spine._link.close()
+
+
+@pytest.mark.promise("S16")
+def test_a_signal_while_readings_are_taken_in_waits_for_nothing():
+    """Its handler asks for the phase in the thread that it has interrupted: with the lock held, or amid a reading."""
+    spine, asked, _ = deaf_spine()
+    spine.ask_for_stop = lambda cause, detail: asked.append(detail)
+    heard: list[Any] = []
+
+    class Interrupted:
+        def force(self, sample: ForceSample) -> None:
+            heard.append(spine.supervisor.phase)
+
+    spine._receiver = Interrupted()
+    SampleWriter(spine._link.samples, ["blade"]).force(ForceSample(0.0, (0.0, 0.0, 0.0), (0,) * 6, 0, 1, 0))
+    hearing = threading.Thread(target=lambda: [spine._hearing.acquire(), spine.hear()], daemon=True)
+    hearing.start()
+    hearing.join(10.0)
+    assert heard == [Phase.READY]
+    assert asked == []
+    spine._link.close()
+
+
+@pytest.mark.promise("S5")
+def test_a_locked_axis_whose_place_is_no_number_is_stopped():
+    rig = cutting()
+    supervisor = rig.plant.supervisor
+    supervisor.lock()
+    supervisor.motion("blade", MotionSample(rig.clock.now(), math.nan, 0.0, 0.0, DriveState.ENABLED))
+    assert (supervisor.phase, report_of(rig).cause) == (Phase.STOPPED, Cause.FOLLOWING)
+
+
+@pytest.mark.promise("S7")
+@pytest.mark.parametrize("report", [
+    lambda spine: spine.emergency("blade", "8611", "a text for a number", 0.0),
+    lambda spine: spine.alive(["no name"], 0.0),
+    lambda spine: spine.motion("blade", None),
+    lambda spine: spine.force(None),
+])  # fmt: skip
+def test_a_report_that_cannot_be_judged_is_a_fault_whatever_it_is_of(report):
+    rig = cutting()
+    report(rig.plant.spine)
+    assert report_of(rig).cause is Cause.EXCEPTION
+    assert "cannot be judged: " in report_of(rig).detail
+
+
+def counted(seconds: float, unanswered_every: float) -> list[int]:
+    """Answers of a node that are under way, at every SYNC; one more does not come every so many seconds."""
+    network, under_way, period = CanNetwork(Bus(), FakeClock()), [], Bus().sync
+    for number in range(round(seconds / period)):
+        network._syncs += 1
+        if number % round(unanswered_every / period) or number == 0:
+            network.answered(1)
+        under_way.append(network.unanswered(1))
+    return under_way
+
+
+def test_a_bus_that_is_slowly_later_and_later_is_found():
+    """A second of growth by one SYNC a second is 5 ms: the quick stop would be as late as the answers."""
+    assert max(counted(60.0, 10.0)) <= UNDER_WAY  # answers that are lost now and then
+    under_way = counted(60.0, 1.0)
+    late = next(number for number, each in enumerate(under_way) if each > UNDER_WAY)
+    assert late * Bus().sync < 20.0
+
+
+def test_a_bus_that_is_opened_again_begins_to_count_anew():
+    network = CanNetwork(Bus(), FakeClock())
+    network._syncs = 50
+    network.answered(1)
+    network.answered(1)
+    network.unanswered(1)
+    network._use(SimpleNamespace(recv=lambda timeout: None), None)
+    network._syncs += 1
+    assert network.unanswered(1) == 0

@@ -13,10 +13,10 @@ from sensor_stream import LOADS, Feed, Kept, settings_of, settle, streaming, wai
 
 from cutenv.emulation.sensor_server import SensorPage, SensorServer
 from cutenv.rig.config.settings import SensorSettings
-from cutenv.rig.devices.loop import FakeClock, SystemClock
+from cutenv.rig.devices.loop import SystemClock
 from cutenv.rig.devices.netft_sensor import NetftSensor, SensorPacket, SensorStatus, packet_bytes
 from cutenv.rig.devices.protocols import ForceDriver
-from cutenv.rig.devices.reading_stream import STEADY_FORCE, SampleClock
+from cutenv.rig.devices.reading_stream import STEADY_FORCE
 from cutenv.rig.errors import RigError
 
 COUNTS = (1_500_000, -2_250_000, 3_000_000, 100_000, -200_000, 300_000)
@@ -183,23 +183,6 @@ def test_a_silence_is_silent_and_its_length_counted_as_lost(server):
         server.send(LOADS)
         wait_for(lambda: len(kept.samples) == before + 1)
         assert kept.samples[-1].lost == 30
-
-
-def test_what_comes_later_than_usual_shows_as_lateness(server):
-    with streaming(server) as (sensor, kept):
-        clock = sensor._clock = FakeClock(time.monotonic())  # which dates what the loop reads
-        sensor._arrivals = SampleClock(sensor.rate)
-
-        def pass_on(pause):
-            clock.sleep_until(clock.now() + pause)
-            before = len(kept.samples)
-            server.send(LOADS)
-            wait_for(lambda: len(kept.samples) > before)
-            return sensor.lateness
-
-        assert max(pass_on(0.001) for _ in range(20)) < 1e-4
-        assert pass_on(0.031) == pytest.approx(0.030, abs=1e-4)
-        assert pass_on(0.001) == pytest.approx(0.030, abs=1e-4)
 
 
 def test_a_tare_is_subtracted_from_then_on_and_told(server):

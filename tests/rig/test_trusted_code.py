@@ -76,7 +76,7 @@ def test_bus_and_sensor_are_read_by_the_loop() -> None:
         for node in ast.walk(ast.parse((ROOT / "cutenv" / "rig" / name).read_text(encoding="utf-8")))
         if isinstance(node, ast.Call) and ast.unparse(node.func) == "threading.Thread"
     }
-    assert began == {"devices/loop.py", "spine_process.py", "safety/oversight.py"}
+    assert began == {"devices/loop.py", "safety/oversight.py"}
 
 
 def test_the_page_says_how_much_has_to_be_believed() -> None:

@@ -298,8 +298,8 @@ class StudyPages:
             if where.group:
                 groups[where.group] = groups.get(where.group, 0) + any(cut.state == SAVED for cut in cuts)
         return self._site.page(
-            "teacher_studies.html", status, trouble=trouble, classes=sorted(counts.items()), groups=sorted(groups.items()),
-            marks=marks_in_force(self._lesson), analyses=self._lesson.analyses.all(),
+            "teacher_studies.html", status, trouble=trouble, classes=sorted(counts.items()),
+            groups=sorted(groups.items()), marks=marks_in_force(self._lesson), analyses=self._lesson.analyses.all(),
             fewest=FEWEST_PEOPLE, root="../",
         )  # fmt: skip
 
@@ -323,7 +323,12 @@ class StudyPages:
         shown: dict[str, Any] = {"state": state, "said": made.said(), "files": made.files(), "marks": made.marks()}
         source = f"{made.title}, {date.today().isoformat()}"
         answer = self._site.page(
-            "teacher_analysis.html", analysis=made, source=source, root="../../", in_force=marks_in_force(self._lesson), **shown
+            "teacher_analysis.html",
+            analysis=made,
+            source=source,
+            root="../../",
+            in_force=marks_in_force(self._lesson),
+            **shown,
         )
         if state in ("waiting", "working"):
             answer.headers["Refresh"] = "2"  # the page has no script that could ask

@@ -380,8 +380,7 @@ class StreamedSensor(ABC):
 
     def _comes(self, limit: float) -> bool:
         """Wait for a reading or a failure; return whether a reading came."""
-        with self._changed:  # in the machine's time, which a sensor keeps whatever the rig's clock is
-            self._changed.wait_for(lambda: self._received > 0 or bool(self._broken), limit)
+        self._clock.wait_for(lambda: self._received > 0 or bool(self._broken), limit, self._changed)
         return self._received > 0
 
     def _take(self, number: int, now: float, counts: Counts, status: int, loads: Zero | None = None) -> bool:
@@ -397,7 +396,6 @@ class StreamedSensor(ABC):
             return False
         self._received += 1
         self._lost += lost
-        self._follows(number, now)
         if loads is None:
             (a, b, c, d, e, f), zero = counts, self._zero
             loads = self._loads((a - zero[0], b - zero[1], c - zero[2], d - zero[3], e - zero[4], f - zero[5]))
@@ -408,10 +406,6 @@ class StreamedSensor(ABC):
         if self._received == 1:
             self._note()
         return True
-
-    def _follows(self, number: int, now: float) -> None:
-        """Note an ordered reading before it is passed on; does nothing by default."""
-        return
 
     def _misplaced(self, number: int, now: float, *, late: bool) -> None:
         """Report a reading out of order; ``late`` if old or repeated."""

@@ -121,16 +121,17 @@ class SystemClock:
                 if (left := due - self.now()) > 0.0:
                     self._changed.wait(left)
                     continue
-                due, turn = self._due.take()
+                turn = self._due.take()
                 self._running = turn
             try:
                 turn.action(self.now())
             except Exception as error:
-                _log.exception("%s failed", turn.name)
-                self.failed(f"{turn.name} failed: {type(error).__name__}: {error}")
+                with suppress(Exception):  # the others go on
+                    _log.exception("%s failed", turn.name)
+                    self.failed(f"{turn.name} failed: {type(error).__name__}: {error}")
             with self._changed:
                 self._running = None
-                self._due.add(next_due(max(due, self.now()), turn.period), turn)
+                self._due.add(next_due(self.now(), turn.period), turn)
                 self._changed.notify_all()
 
     def _left(self, turn: _Turn) -> None:
@@ -183,10 +184,9 @@ class _Due:
         heapq.heapreplace(self._heap, (moment + turn.period, next(self._order), turn))
         return turn
 
-    def take(self) -> tuple[float, _Turn]:
-        """Remove the first action; return its due time [s], and it."""
-        moment, _, turn = heapq.heappop(self._heap)
-        return moment, turn
+    def take(self) -> _Turn:
+        """Remove the first action, and return it."""
+        return heapq.heappop(self._heap)[2]
 
 
 class Attempt:

@@ -24,7 +24,7 @@ from cutenv._base.validation import in_range
 from cutenv.rig.config.settings import SensorSettings
 from cutenv.rig.devices.driver_bases import FIRST_READING, StreamedSensor
 from cutenv.rig.devices.loop import AT_ONCE, Attempt, Clock
-from cutenv.rig.devices.reading_stream import LEAK, SEQUENCES, SampleClock, Zero
+from cutenv.rig.devices.reading_stream import LEAK, SEQUENCES, Zero
 from cutenv.rig.errors import RigError
 
 PORT = 49152
@@ -393,16 +393,12 @@ class NetftSensor(StreamedSensor):
         All of them.
     page : Page or None
         Configuration that the sensor reports, once it was opened.
-    lateness : float
-        Delay of the last reading beyond the least one [s]; see
-        :class:`cutenv.rig.devices.reading_stream.SampleClock`.
     """
 
     name = "force sensor"
 
     def __init__(self, settings: SensorSettings, clock: Clock) -> None:
         self.page: Page | None = None
-        self.lateness = 0.0
         self._settings = settings
         self._socket: socket.socket | None = None
         self._address = (settings.address, settings.port)
@@ -435,7 +431,6 @@ class NetftSensor(StreamedSensor):
 
     def _begin_again(self) -> None:
         super()._begin_again()
-        self._arrivals = SampleClock(self.rate)
         self._reordered = self._garbled = self._foreign = 0
 
     @property
@@ -510,9 +505,6 @@ class NetftSensor(StreamedSensor):
                 self.garbled(str(error), now)
                 continue
             self._take(record.sequence, now, record.counts, record.status)
-
-    def _follows(self, number: int, now: float) -> None:
-        self.lateness = self._arrivals.sensed(number, now)[1]
 
     def _misplaced(self, number: int, now: float, *, late: bool) -> None:
         if late:

@@ -241,7 +241,7 @@ def interpolated(
 class MotionListener(Protocol):
     """Receiver of an axis's reports.
 
-    Called from the driver's threads, and must never wait.
+    Called from the loop, or from a driver's thread, and must never wait.
     """
 
     def motion(self, axis: str, sample: MotionSample) -> None:
@@ -268,7 +268,7 @@ class MotionListener(Protocol):
 class ForceListener(Protocol):
     """Receiver of a sensor's readings.
 
-    Called from the driver's thread for every packet, and must never wait.
+    Called from the loop, or from the driver's thread, for every packet; must never wait.
     """
 
     def force(self, sample: ForceSample) -> None:
@@ -283,7 +283,7 @@ class ForceListener(Protocol):
 class Observer(Protocol):
     """Receiver of the same reports as the supervisor.
 
-    Called in the drivers' threads, and must never wait.
+    Called from the loop, or from a driver's thread, and must never wait.
     """
 
     def force(self, sample: ForceSample) -> None:

@@ -119,7 +119,8 @@ def detection_times(limits: SafetyLimits, *, packet: float = 0.001, sync: float 
     ``packet`` is the period of the force readings [s], ``sync`` that of the motion samples [s]. For a quantity that
     grows (a following error, the share of lost readings) the time counts from the crossing of its limit. The time for
     one frozen force axis applies to a rig that is not identified. The spine's loop looks for signals, and for stops
-    that the program asks for.
+    that the program asks for. What bus or sensor report counts from its arrival: the loop reads it within
+    :data:`~cutenv.rig.devices.loop.READ_EVERY`.
     """
     return {
         Cause.FORCE: packet,

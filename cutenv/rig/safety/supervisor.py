@@ -126,7 +126,7 @@ class Supervisor:
     def _hold_to_its_place(self, name: str, sample: MotionSample) -> None:
         """Stop an axis that moves though the rig is locked and its power is on."""
         strayed = sample.position - self._locked_at.setdefault(name, sample.position)
-        if abs(strayed) > _STRAYED[name]:
+        if not abs(strayed) <= _STRAYED[name]:  # also where it is no number
             way = f"{1e3 * strayed:+.1f} mm" if name != "angle" else f"{math.degrees(strayed):+.0f} degrees"
             self.trip(Cause.FOLLOWING, f"locked, the {name} axis moves: {way}", sample.time, locked=True)
 
@@ -282,7 +282,7 @@ class Supervisor:
         return found
 
     def resend_stop(self, now: float) -> None:
-        """Repeat the quick stop to drives of a stopped rig that are not seen to obey; a timer of its own calls it."""
+        """Repeat the quick stop to drives of a stopped rig that are not seen to obey."""
         if self.phase is Phase.STOPPED and self.report is not None:
             self._quick_stops.again(self.report, now)
 
@@ -336,7 +336,11 @@ class Supervisor:
         if self.phase is Phase.STOPPED:
             raise RigError(f"the rig is stopped ({self.report}); reset it first.")
         wrong = [detail for _, detail in self._missing(self._clock.now())]
-        wrong += self.powerless
+        wrong += [
+            f'the {name} drive is in "{sample.state.value}"'
+            for name, sample in self._motions.newest.items()
+            if sample.state is not DriveState.ENABLED
+        ]
         if self._forces.newest is not None and (status := self._forces.newest.status):
             wrong.append(f"the sensor's status is 0x{status:08X}")
         if self.beyond is not None and not returning:
@@ -446,15 +450,6 @@ class Supervisor:
     def axis(self, name: str) -> MotionSample | None:
         """Return the last sample of an axis; None before the first."""
         return self._motions.newest.get(name)
-
-    @property
-    def powerless(self) -> list[str]:
-        """Descriptions of the drives that are not enabled, such as those that have stopped by themselves."""
-        return [
-            f'the {name} drive is in "{sample.state.value}"'
-            for name, sample in self._motions.newest.items()
-            if sample.state is not DriveState.ENABLED
-        ]
 
     @property
     def beyond(self) -> str | None:

@@ -75,6 +75,7 @@ class AttackedAxis(CanopenAxis):
         once: dict[str, Callable[[], object]] = {
             "bus is closed": lambda: self._network._bus._socket.close(),  # type: ignore[union-attr]
             "watchdog ends": lambda: listener.timers[0].stop(),  # type: ignore[union-attr]
+            "reading hangs": lambda: threading.Event().wait(_HANGS),
             "interpreter is held": lambda: ctypes.PyDLL(None).usleep(200_000),
             "place is no number": lambda: listener.motion(  # type: ignore[union-attr]
                 self.name, MotionSample(time, math.nan, self._speed, 0.0, self._state)

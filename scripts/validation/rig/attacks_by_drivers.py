@@ -35,6 +35,11 @@ STOPPED = (
         "Let the blade's driver raise OSError at every quick stop; the drive has to stop by its own watch.",
         "quick stop raises", pressed=True,
     ),
+    ordered(
+        "reading_hangs",
+        "Let the blade's driver not return from reading, which holds the loop: the next command has to stop it.",
+        "reading hangs",
+    ),
     ordered("command_raises", "Let the blade's driver raise OSError at a command.", "command raises"),
     ordered(
         "times_in_the_future",

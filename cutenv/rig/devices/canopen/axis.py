@@ -42,7 +42,7 @@ class CanopenAxis(AxisDriver):
     clock : Clock
         Clock that dates events without a frame of their own.
     name : str
-        "blade" or "angle".
+        "blade", "angle", "height" or "side".
     """
 
     device, silence, report_limit = "drive", "our heartbeat ends", 0.3
@@ -77,11 +77,6 @@ class CanopenAxis(AxisDriver):
         if self._units is None:
             raise RigError(f"{self.name}: the drive's units are not known before it is opened.")
         return self._units
-
-    @property
-    def mode(self) -> int:
-        """Mode of operation that the drive reports; 3 is profile velocity."""
-        return self._mode
 
     # Life cycle
 
@@ -232,7 +227,7 @@ class CanopenAxis(AxisDriver):
     def _control(self, controlword: int, velocity: int = 0) -> None:
         self._network.send_message(*o.command_frame(self._settings.node, controlword, velocity))
 
-    # Reports from the drive; called by the network's reader
+    # Reports from the drive; called by the network, from the loop
 
     def _status(self, data: bytes, time: float) -> None:
         if len(data) != _STATUS.size:

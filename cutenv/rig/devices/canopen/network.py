@@ -248,7 +248,9 @@ def bus_arguments(settings: Bus) -> dict[str, Any]:
         if not settings.channel.isdecimal():
             raise ValueError(f"channel {settings.channel!r} is not one of Kvaser's, which are numbers: 0, 1, ...")
         return {"channel": int(settings.channel), "bitrate": settings.bitrate}
-    if settings.interface in ("pcan", "slcan"):
+    if settings.interface == "slcan":  # which would wait a millisecond for every byte that is not there yet
+        return {"channel": settings.channel, "bitrate": settings.bitrate, "timeout": 0.0}
+    if settings.interface == "pcan":
         return {"channel": settings.channel, "bitrate": settings.bitrate}
     return {"channel": settings.channel}  # the bit rate of socketcan is set by the system, a virtual bus has none
 
@@ -259,7 +261,9 @@ DRIVE_PATIENCE = 0.100
 """Time without this computer's heartbeat after which a drive stops by itself [s]."""
 _SEND_LIMIT = 0.02  # [s] for the bus to accept a frame
 _LISTENED = 0.15  # [s] before the first frame is sent: three heartbeats of another program like this one
-_FORGIVEN = 1.0  # [s] after which one answer to SYNC that was lost no longer counts
+_FORGIVEN = 1.0  # [s] after which one answer to SYNC that has not come no longer counts
+TAKEN_FOR_LOST = 10
+"""Answers to SYNC that may be taken for lost in one cut: a bus that is later and later loses one a second as well."""
 _SDO_REQUESTS = range(0x601, 0x680)
 _BUS_OFF = 0x40  # in the number of an error frame, as Linux and socketcand give it
 
@@ -328,7 +332,7 @@ class CanNetwork:
         self._repeating: list[Repeating] = []
         self._syncs = 0
         self._answers: dict[int, int] = {}
-        self._usual: dict[int, tuple[int, int]] = {}  # answers that are always under way, and the SYNC it is since
+        self._usual: dict[int, tuple[int, int, int]] = {}  # answers always under way, since which SYNC; taken for lost
 
     def __str__(self) -> str:
         return f"{self.settings.interface} {self.settings.channel}"
@@ -394,22 +398,22 @@ class CanNetwork:
     def unanswered(self, node: int) -> int:
         """Return a node's unanswered SYNCs since its first answer.
 
-        They are forgiven one a second. They are under way where the bus delivers later and later, which the time of
-        their arrival does not show.
+        They are under way where the bus delivers later and later, which the time of their arrival does not show. One
+        a second is taken for lost, :data:`TAKEN_FOR_LOST` at most until the next reset.
         """
         answers = self._answers.get(node, 0)
         behind = self._syncs - answers
-        usual, since = self._usual.get(node, (behind, self._syncs))
+        usual, since, lost = self._usual.get(node, (behind, self._syncs, 0))
         if answers <= 1 or behind < usual:
-            usual, since = behind, self._syncs
-        elif self._syncs - since >= round(_FORGIVEN / self.settings.sync):
-            usual, since = usual + 1, self._syncs
-        self._usual[node] = usual, since
+            usual, since, lost = behind, self._syncs, max(lost - max(usual - behind, 0), 0)
+        elif lost < TAKEN_FOR_LOST and self._syncs - since >= round(_FORGIVEN / self.settings.sync):
+            usual, since, lost = usual + 1, self._syncs, lost + 1
+        self._usual[node] = usual, since, lost
         return behind - usual
 
     def settle(self, node: int) -> None:
         """Take a node's unanswered SYNCs as usual, after a reset at rest."""
-        self._usual[node] = self._syncs - self._answers.get(node, 0), self._syncs
+        self._usual[node] = self._syncs - self._answers.get(node, 0), self._syncs, 0
 
     def manage(self, command: int, node: int) -> None:
         """Send a network management command to a node.
@@ -435,6 +439,9 @@ class CanNetwork:
     def _use(self, bus: Any, message: Any) -> None:
         """Read an open bus and send on it from now on; ``message`` makes a frame."""
         self._bus, self._message, self.broken = bus, message, None
+        self._syncs = 0
+        self._answers.clear()
+        self._usual.clear()
         self._repeating = [
             self._clock.every(READ_EVERY, lambda now: self._read(bus), "cutenv CAN"),
             self._clock.every(self.settings.sync, lambda now: self._sync(), "cutenv SYNC"),

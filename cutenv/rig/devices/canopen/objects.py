@@ -376,11 +376,6 @@ class AxisUnits:
         return ramp / self._rpm
 
     @property
-    def speed_step(self) -> float:
-        """Least speed difference the drive distinguishes [length/s]."""
-        return 1.0 / self._per_speed
-
-    @property
     def _rpm(self) -> float:
         """Speed of the motor at one length a second [rpm]."""
         return 60.0 * self.axis.gear / self.axis.lead

@@ -369,7 +369,7 @@ class SerialBoard:
             self.damaged, self.last_damaged = self.damaged + 1, str(error)
             self._each(lambda member: member.garbled(self.last_damaged, now))
             return
-        if isinstance(report, BoardIdentity) or not hasattr(report, "sequence"):
+        if not hasattr(report, "sequence"):
             with self._changed:
                 self._answers[type(report)] = report
                 self._changed.notify_all()
@@ -380,7 +380,7 @@ class SerialBoard:
         for member in tuple(self._members):
             try:
                 tell(member)
-            except Exception as error:  # the reader must go on, to see the blade stop
+            except Exception as error:  # reading has to go on, to see the blade stop
                 _log.exception("a report of the board could not be handled")
                 self._break(f"a report could not be handled: {error!r}")
 

@@ -294,7 +294,7 @@ class StepperAxis(AxisDriver):
     def _rested(self) -> None:
         self._await_rest(lambda: self._report.rate == 0)
 
-    # Reports of the board; called by its reader
+    # Reports of the board, from the loop
 
     def allows_heartbeat(self, now: float) -> bool:
         """Return whether the stepper may have a sign of life at ``now`` [s]: without, the board stops it by itself."""
@@ -442,7 +442,7 @@ class LoadCell(StreamedSensor):
             "lost_readings": self._lost,
         }
 
-    # Reports of the board; called by its reader
+    # Reports of the board, from the loop
 
     def allows_heartbeat(self, now: float) -> bool:
         """Return True: a sensor keeps nothing alive."""
