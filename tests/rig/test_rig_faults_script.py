@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scripts.validation.rig import rig_attacks, rig_faults, rig_trials
+from scripts.validation.rig import loop_jitter, rig_attacks, rig_faults, rig_trials
 from scripts.validation.rig.attack_scene import Outcome, Scene
 from scripts.validation.rig.busy_host import LATE, Lateness, TooBusy, look
 
@@ -149,3 +149,12 @@ def test_a_second_program_is_refused_and_the_first_cuts_on() -> None:
                 break
         assert came.held, came.seen
         assert "another master" in came.seen
+
+
+@pytest.mark.parametrize("apart", [True, False])
+def test_the_jitter_of_a_loop_is_measured_in_a_spine_and_in_a_program(apart):
+    found, empty = loop_jitter.measured(loop_jitter.nothing, 0.5, apart=apart)
+    for percentiles in (found, empty):
+        assert len(percentiles) == len(loop_jitter.PERCENTILES)
+        assert percentiles == sorted(percentiles)
+        assert abs(percentiles[0]) < 500.0  # [us]: half of its calls are a millisecond after the last

@@ -152,9 +152,9 @@ def settings() -> RigSettings:
         name="in memory",
         armed_by="nobody",
         angle_mode="fixed",
-        blade=Axis(driver="loop_jitter:Stage"),
+        blade=Axis(driver="scripts.validation.rig.loop_jitter:Stage"),
         angle=None,
-        sensor=SensorSettings(driver="loop_jitter:Balance", rate=InMemory.rate),
+        sensor=SensorSettings(driver="scripts.validation.rig.loop_jitter:Balance", rate=InMemory.rate),
         calibration=SensorCalibration(date="2026-01-01"),
         emulated=True,
     )
