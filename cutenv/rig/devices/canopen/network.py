@@ -263,7 +263,7 @@ _SEND_LIMIT = 0.02  # [s] for the bus to accept a frame
 _LISTENED = 0.15  # [s] before the first frame is sent: three heartbeats of another program like this one
 _FORGIVEN = 1.0  # [s] after which one answer to SYNC that has not come no longer counts
 TAKEN_FOR_LOST = 10
-"""Answers to SYNC that may be taken for lost in one cut: a bus that is later and later loses one a second as well."""
+"""Answers to SYNC taken for lost, at most, until a reset: a bus that is later and later seems to lose them as well."""
 _SDO_REQUESTS = range(0x601, 0x680)
 _BUS_OFF = 0x40  # in the number of an error frame, as Linux and socketcand give it
 
