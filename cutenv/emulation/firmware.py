@@ -81,9 +81,9 @@ class EmulatedLine:
         if not self.plugged:
             return
         Path(self.port).unlink(missing_ok=True)
-        for end in (self._master, self._slave):
+        ends, self._master, self._slave = (self._master, self._slave), -1, -1
+        for end in ends:
             os.close(end)
-        self._master = self._slave = -1
         self._late.clear()
 
     def heard(self) -> bytes:
@@ -93,7 +93,7 @@ class EmulatedLine:
         try:
             read = os.read(self._master, 4096)
         except OSError as error:
-            if error.errno not in (errno.EAGAIN, errno.EIO):
+            if error.errno not in (errno.EAGAIN, errno.EIO, errno.EBADF):  # nothing, or unplugged at this moment
                 raise
             return b""
         return b"" if self.deaf else read
