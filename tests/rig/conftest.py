@@ -24,13 +24,13 @@ def quick_return() -> Iterator[None]:
         yield
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture(autouse=True, scope="module")
 def no_loop_left() -> Iterator[None]:
-    """Fail a test after which a rig's loop goes on: a clock or a driver was not stopped."""
+    """Fail the last test of a file after which a rig's loop goes on: a clock or a driver was not stopped."""
     before = set(threading.enumerate())
     yield
     ends, left = time.monotonic() + 2.0, True
     while left and time.monotonic() < ends:
         left = [each for each in threading.enumerate() if each.name == "rig loop" and each not in before]
         time.sleep(0.002 if left else 0.0)
-    assert not left, "a rig's loop goes on after the test"
+    assert not left, "a rig's loop goes on after the tests of this file"
