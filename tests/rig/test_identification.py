@@ -18,7 +18,7 @@ from made_up_axis import MadeUpAxis, identified, made_up_force
 import cutenv  # noqa: F401  registers the environment
 from cutenv.agents.learning.arguments import BadArguments, PPOArguments, for_rig
 from cutenv.agents.sim_to_real import axis_response
-from cutenv.agents.sim_to_real.identification import Identification, Plan
+from cutenv.agents.sim_to_real.identification import Identification, IdentifiedValue, Plan
 from cutenv.drivers.slow_profile import grbl_settings, slow_settings
 from cutenv.envs import GentleCutEnv, GentleCutVectorEnv, RigCutEnv
 from cutenv.records.measurement import sensor_noise
@@ -157,6 +157,15 @@ def test_a_wrong_estimator_would_be_noticed(mistake: Any, checks: Any, monkeypat
 @pytest.mark.parametrize(("noise", "resolution"), [(0.02, 0.05), (0.012, 0.05), (0.1, 0.05), (0.02, 1e-6)])
 def test_noise_is_found_as_it_was_before_rounding(noise: float, resolution: float) -> None:
     check_noise(noise, resolution)
+
+
+def test_what_is_written_has_no_digits_of_a_conversion() -> None:
+    for value, error, written in (
+        (0.0499999999999999, None, 0.05),
+        (0.116997416, None, 0.117),
+        (0.0400312, 1e-3, 0.04),
+    ):
+        assert IdentifiedValue(name="force_still_x", value=value, error=error, how="").rounded == written
 
 
 def test_noise_taken_from_rounded_readings_would_be_noticed(monkeypatch: pytest.MonkeyPatch) -> None:

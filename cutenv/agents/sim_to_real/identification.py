@@ -173,9 +173,11 @@ class IdentifiedValue:
 
     @property
     def rounded(self) -> float | None:
-        """Value rounded to the digits that its standard error justifies."""
-        if self.value is None or self.value == 0.0 or not self.error:
+        """Value rounded to the digits that its standard error justifies, without one to four."""
+        if self.value is None or self.value == 0.0:
             return self.value
+        if not self.error:
+            return float(f"{self.value:.4g}")
         return round(self.value, _DIGITS - 1 - math.floor(math.log10(self.error)))
 
 
