@@ -4,8 +4,8 @@ Its drivers, and the safety that judges all that they report. The loop that call
 :class:`cutenv.rig.devices.loop.SystemClock`.
 
 All that has to work for the blade to be stopped is here and below (``safety``, ``devices``, ``config``). On hardware,
-and on an emulated rig, it runs in a process of its own, :mod:`cutenv.rig.spine_process`, whatever the policy's program
-does, which reaches it by :mod:`cutenv.rig.remote_spine`.
+and on an emulated rig, it runs in a process of its own, :mod:`cutenv.rig.spine_process`. The policy's program reaches
+it by :mod:`cutenv.rig.remote_spine`, and cannot hold it up.
 """
 
 from __future__ import annotations

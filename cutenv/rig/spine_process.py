@@ -242,7 +242,7 @@ SEEN = ("latched", "beyond", "pressed", "relieving", "standing")
 """Properties of the supervisor that it may read."""
 LONGEST_HOLD = 1.0
 """Greatest time for which a command may be valid [s]; the blade goes on for so long without the program."""
-_DETAIL = 1200  # [bytes] of a detail that are told
+_DETAIL = 1200  # [bytes] of a detail that are written
 _LONGEST_MESSAGE = 1 << 16  # [bytes] of a command or call
 _WRITTEN_WITHIN = 0.5  # [s] for what was logged last to be written
 _STACK = 1 << 19  # [bytes] of a thread
@@ -272,6 +272,8 @@ def serve_spine(line: int, memory: int, program: int) -> None:
     clock.every(WATCH, served.look, "rig program")
     connection.send((True, allowed))
     served.run()
+    time.sleep(CLOSED_WITHIN * (len(spine.axes) + 2))  # meanwhile the loop closes the rig, and ends this process
+    os._exit(1)  # a driver holds up the loop
 
 
 class _Served:
@@ -304,8 +306,6 @@ class _Served:
             with suppress(OSError):  # nobody waits for it any more
                 self._line.send_bytes(reply)
         self._over = True
-        time.sleep(CLOSED_WITHIN * (len(self.spine.axes) + 2))
-        os._exit(1)  # the loop, whose end is that of this process, is held up by a driver
 
     def _commanded(self, message: bytes) -> bytes:
         mark, number, parent, given, speed, angle, hold, height, side = COMMAND.unpack(message)

@@ -21,6 +21,7 @@ from cutenv.drivers.analogue_sensor import (
     AnalogueCalibration,
     AnalogueOptions,
     AnalogueSensor,
+    EmulatedBoard,
     NidaqmxBoard,
 )
 from cutenv.emulation.sensor_server import BoardServer
@@ -193,6 +194,15 @@ def test_a_board_that_ends_is_told_and_gives_no_more_readings(board: BoardServer
 def test_wires_have_no_faults_of_packets(board: BoardServer):
     with pytest.raises(ValueError, match="loss: an analogue sensor sends no packets"):
         board.faults.loss = 0.5
+
+
+def test_a_board_that_is_opened_again_begins_with_its_header_whatever_came_before(board: BoardServer):
+    client = EmulatedBoard("127.0.0.1", board.port)
+    for _ in range(2):
+        client.open(JR3, 1000.0)
+        assert client.read(3)
+        client.close()
+        client._rest = bytes(17)  # of a reading that had half arrived
 
 
 def test_a_board_that_is_not_there_is_an_error():

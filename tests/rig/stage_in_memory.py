@@ -137,3 +137,6 @@ class Judge:
 
     def drive(self, speed: float, angle: float, hold: float, **across: float) -> float:
         return angle
+
+    def turn(self, rate: float) -> None:
+        """Do nothing."""

@@ -30,6 +30,7 @@ from cutenv.rig.spine_process import (
     GO,
     LONGEST_HOLD,
     REPLY,
+    TURN,
     Link,
     Ring,
     SampleWriter,
@@ -233,9 +234,9 @@ def test_a_driver_that_refuses_its_settings_is_told_as_it_is_here(record):
         rig_plant(dataclasses.replace(settings(), sensor=slow)).open()
 
 
-def command(number: int = 6, ahead: float = 0.0, hold: float = 0.02) -> bytes:
+def command(number: int = 6, ahead: float = 0.0, hold: float = 0.02, mark: bytes = GO) -> bytes:
     given = time.monotonic() + ahead
-    return COMMAND.pack(GO, number, os.getppid(), given, 0.01, UPRIGHT, hold, 0.0, 0.0)
+    return COMMAND.pack(mark, number, os.getppid(), given, 0.01, UPRIGHT, hold, 0.0, 0.0)
 
 
 @pytest.mark.promise("S16")
@@ -251,6 +252,9 @@ def command(number: int = 6, ahead: float = 0.0, hold: float = 0.02) -> bytes:
         (lambda: command(hold=math.inf), Cause.OVERRUN),
         (lambda: command(hold=LONGEST_HOLD + 0.1), Cause.OVERRUN),
         (lambda: command(hold=math.nan), Cause.OVERRUN),
+        (lambda: command(hold=LONGEST_HOLD, mark=TURN), None),
+        (lambda: command(hold=LONGEST_HOLD, mark=TURN, ahead=-1.5), Cause.OVERRUN),
+        (lambda: command(hold=LONGEST_HOLD, mark=TURN, ahead=3600.0), Cause.OVERRUN),
         (lambda: command()[:-1], Cause.EXCEPTION),
         (lambda: b"\x80noise", Cause.EXCEPTION),
         (lambda: bytes(1 << 20), Cause.EXCEPTION),

@@ -1,6 +1,6 @@
 """Specimen on a rig's bench.
 
-What is laid on that of an emulated or fake rig, or a depth of cut measured by caliper.
+A drawn one on an emulated or fake rig, or a depth of cut measured by caliper.
 """
 
 from __future__ import annotations

@@ -142,7 +142,7 @@ def published(plant: RigPlant, port: int) -> Iterator[None]:
     """Send the rig's state to a local port during the block.
 
     It is sent once more at its end. A thread of its own looks at the rig and sends one datagram; the spine
-    that watches the rig does nothing for it. The socket never waits and is never read: datagrams that nobody takes are
+    that watches the rig does nothing for it. The socket never waits and is never read: datagrams that are not taken are
     dropped by the operating system, so a viewer that is slow, gone or malicious changes nothing on the rig.
     """
 
