@@ -80,13 +80,7 @@ def head_text(names: Sequence[str], rows: int | None, facts: Mapping[str, object
 
 
 def read(path: Path) -> list[CutTable]:
-    """Read a file as one table.
-
-    Raises
-    ------
-    ValueError
-        If it is not such a file; the message names the line.
-    """
+    """Read a file as one table; a ValueError names the line at fault."""
     try:
         text = path.read_bytes().decode(_ENCODING).replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as error:

@@ -48,12 +48,7 @@ def read(path: Path) -> list[CutTable]:
     """Read a file as a table for each cut.
 
     A file from another program may use any names of groups, or have one cut's datasets at its root; a dataset without
-    the attribute ``unit`` has the unit in its name.
-
-    Raises
-    ------
-    ValueError
-        If it is not such a file; the message names group and dataset.
+    the attribute ``unit`` has the unit in its name. A ValueError names group and dataset at fault.
     """
     h5py = optional_import("h5py", "h5py", "HDF5")
     check_heaps(path)

@@ -233,30 +233,8 @@ def look_at(
     """Read any record as understood, before scoring.
 
     A record of this package is read as it is. Any other file is read by `mapping`, by the one that was saved beside it,
-    or by the proposal that is made of its own statements; the questions that these leave open are among the result.
-
-    Parameters
-    ----------
-    path : path
-        Path of the file.
-    mapping : ColumnMap, optional
-        Mapping of its columns.
-    answers : mapping, optional
-        Items of the mapping that a person gave as answers: ``{"unit": "mN"}``.
-
-    Returns
-    -------
-    Imported
-        Its `questions` are those whose proposed answers were taken.
-
-    Raises
-    ------
-    OpenQuestions
-        If the file leaves a question open that has no likeliest answer.
-    RecordError
-        If the file cannot be read: names place, reason and cure.
-    OSError
-        If the file cannot be opened.
+    or by the proposal that is made of its own statements and a person's `answers` (``{"unit": "mN"}``); questions whose
+    proposed answers were taken are among the result, one without a likeliest answer raises OpenQuestions.
     """
     path = Path(path)
     if mapping is not None:
@@ -432,20 +410,6 @@ def readings_in(path: Path, mapping: ColumnMap | None = None) -> list[Readings]:
 
     Of a file whose headers name quantity and unit they need not be a record: its clock may go back, and its force be of
     any size.
-
-    Parameters
-    ----------
-    path : Path
-        File of this package, or of another program.
-    mapping : ColumnMap, optional
-        Which column is what, for one of another program.
-
-    Raises
-    ------
-    RecordError
-        If it cannot be read.
-    OSError
-        If it cannot be opened.
     """
     if mapping is None:
         try:

@@ -13,15 +13,7 @@ from cutenv.sim.tissue.lines import CutLine, through
 
 
 def read_line(path: Path) -> CutLine:
-    """Return the line through CSV places, such as ``x_mm,y_mm``.
-
-    Raises
-    ------
-    ValueError
-        If the file holds no such places, or they make no line; the message names row or place.
-    OSError
-        If it cannot be read.
-    """
+    """Return the line through CSV places, such as ``x_mm,y_mm``."""
     with path.open(encoding="utf-8-sig", newline="") as file:
         header, *rows = [row for row in csv.reader(file) if row] or [[]]
     columns = [_column(path, header, axis) for axis in ("x", "y")]

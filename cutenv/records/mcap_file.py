@@ -108,11 +108,7 @@ def write(traces: Sequence[Trace], path: Path) -> None:
 def read(path: Path) -> list[CutTable]:
     """Read a file of :func:`write` as a table for each cut.
 
-    Raises
-    ------
-    ValueError
-        If it is not such a file, or a damaged one. Bags of other programs are read by
-        :func:`cutenv.records.load_foreign`.
+    Bags of other programs are read by :func:`cutenv.records.load_foreign`.
     """
     optional_import("mcap", "mcap", "MCAP", extra="ros")
     try:

@@ -36,13 +36,7 @@ def write(traces: Sequence[Trace], path: Path) -> None:
 
 
 def read(path: Path) -> list[CutTable]:
-    """Read a file as one table.
-
-    Raises
-    ------
-    ValueError
-        If it is not such a file; the message names the column.
-    """
+    """Read a file as one table; a ValueError names the column at fault."""
     arrow, parquet = _libraries()
     try:
         with parquet.ParquetFile(

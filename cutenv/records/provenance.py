@@ -168,12 +168,7 @@ class Provenance:
 def check_operator(code: object) -> None:
     """Raise an error for a code that may identify the operator.
 
-    Raises
-    ------
-    TypeError
-        If it is not text.
-    ValueError
-        If it looks like a name, a mail address, a telephone number or a date of birth.
+    It looks like a name, a mail address, a telephone number or a date of birth.
     """
     if not isinstance(code, str):
         raise TypeError(f"operator must be a code such as 'P07', got {code!r}.")

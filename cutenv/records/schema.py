@@ -26,13 +26,7 @@ _NAME, _VERSION = SCHEMA.split("/")
 
 
 def check_schema(text: str) -> None:
-    """Raise an error for a format that cutenv cannot read.
-
-    Raises
-    ------
-    ValueError
-        If `text` is another format, or a newer version of this one.
-    """
+    """Raise a ValueError for a format that cutenv cannot read."""
     found = re.fullmatch(rf"{_NAME}/([0-9]{{1,9}})", text)
     if not found:
         raise ValueError(f"its schema is {shortened(text)}, not {SCHEMA!r}. Save the record again with cutenv.")
@@ -50,13 +44,7 @@ def to_json(value: object) -> str:
 
 
 def from_json(what: str, text: str | bytes) -> Any:
-    """Parse JSON; `what` names it in the message.
-
-    Raises
-    ------
-    ValueError
-        If it is not JSON in UTF-8, or holds NaN or infinity.
-    """
+    """Parse JSON without NaN or infinity; `what` names it in the message."""
     try:
         plain = text.encode() if isinstance(text, str) else text  # text that HDF5 could not decode fails here
         return json.loads(plain.decode(), parse_constant=_no_constant)
@@ -259,20 +247,7 @@ def parse_header(name: str) -> Column:
 
 
 def parse_length(name: str, text: str) -> float:
-    """Return a length such as ``80mm`` or ``3.15in`` in metres.
-
-    Parameters
-    ----------
-    name : str
-        Option or argument that it was given to, for the message.
-    text : str
-        Number and unit, one of ``UNITS["position"]``.
-
-    Raises
-    ------
-    ValueError
-        If there is no number or no known unit.
-    """
+    """Return a length such as ``80mm`` or ``3.15in`` in metres."""
     found = _LENGTH.fullmatch(text.strip())
     if found is None:
         raise ValueError(f"{name} {text!r} is no length with a unit; write 80mm or 8cm.")

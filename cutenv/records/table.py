@@ -28,42 +28,19 @@ ALONG_CUT = ("norm", "x", "y", "z", "-x", "-y", "-z")
 
 @dataclass(frozen=True, kw_only=True)
 class CutTable:
-    """Columns with a row per reading, one cut after another.
+    """Columns with a row per reading, one cut after another."""
 
-    Attributes
-    ----------
-    headers : tuple of str
-        Headers of the columns, except the cut's.
-    columns : tuple of Column
-        Their content.
-    values : tuple of ndarray, each of shape (n,)
-        Values in the units that the headers name.
-    cut : ndarray of shape (n,), or None
-        Number of the cut of each row; None if there is only one cut.
-    place : callable
-        Maps a row to its place in the file, such as "line 17".
-    native : bool
-        True if cutenv wrote the file, as its schema shows; cuts are then counted from 0.
-    shared : mapping
-        Metadata of all cuts.
-    own : mapping
-        Metadata by the number of the cut.
-    held : mapping
-        Headers of the columns that a cut holds, by its number; its others are NaN. All columns if it is missing.
-    name : str
-        Text in front of every message about it, such as "cut_3: ", if a file holds several tables.
-    """
-
-    headers: tuple[str, ...]
+    headers: tuple[str, ...]  # headers of the columns, except the cut's
     columns: tuple[Column, ...]
-    values: tuple[Array, ...]
-    cut: Array | None
-    place: Callable[[int], str]
-    native: bool = False
-    shared: Mapping[str, Any] = field(default_factory=dict)
-    own: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)
+    values: tuple[Array, ...]  # values in the units that the headers name, shape (n,)
+    cut: Array | None  # number of the cut of each row; None if there is only one cut, shape (n,)
+    place: Callable[[int], str]  # maps a row to its place in the file, such as "line 17"
+    native: bool = False  # true if cutenv wrote the file, as its schema shows; cuts are then counted from 0
+    shared: Mapping[str, Any] = field(default_factory=dict)  # metadata of all cuts
+    own: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)  # metadata by the number of the cut
+    # headers of the columns that a cut holds, by its number; its others are NaN. All columns if it is missing
     held: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
-    name: str = ""
+    name: str = ""  # text in front of every message about it, such as "cut_3: ", if a file holds several tables
 
     @classmethod
     def of(
@@ -122,13 +99,7 @@ def table_of(traces: Sequence[Trace]) -> CutTable:
 
 
 def parsed_headers(names: Sequence[str]) -> list[Column | None]:
-    """Parse columns' quantities and units, None for the cut number.
-
-    Raises
-    ------
-    ValueError
-        If a name is unknown or repeated, or time or force is missing.
-    """
+    """Parse columns' quantities and units, None for the cut number."""
     columns = [None if name == CUT_COLUMN else parse_header(name) for name in names]
     for said, count in Counter(map(_said, columns)).items():
         if count > 1:
@@ -142,25 +113,7 @@ def parsed_headers(names: Sequence[str]) -> list[Column | None]:
 
 
 def traces_of(table: CutTable, force: str | None = None) -> list[Trace]:
-    """Make a trace of every cut in a table.
-
-    Parameters
-    ----------
-    table : Table
-        Table as read.
-    force : {"norm", "x", "y", "z", "-x", "-y", "-z"}, optional
-        As in :func:`cutenv.records.load`.
-
-    Returns
-    -------
-    list of Trace
-        Traces in the order of the table.
-
-    Raises
-    ------
-    ValueError
-        If there is anything wrong with it: names place, reason and cure.
-    """
+    """Make a trace of every cut in a table; `force` as in :func:`cutenv.records.load`."""
     if not table.values[0].size:
         raise ValueError("it holds no readings, only names of columns.")
     blocks = _blocks(table)

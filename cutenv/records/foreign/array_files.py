@@ -32,14 +32,9 @@ class Elements(dict[str, Any]):
 def named_arrays(content: Mapping[str, Any], before: str = "") -> Iterator[NamedArray]:
     """Yield a structure's numbers with places, names and units.
 
-    Parameters
-    ----------
-    content : mapping
-        By name: a NamedArray, an ndarray, a list of text, or a mapping of these. A list with an entry for each column
-        of a matrix names them, or gives their units. A mapping of a label and its values, as Simulink and Spike2 have
-        for each channel, is a column.
-    before : str
-        Place of the structure, with a dot behind it.
+    In it are, by name, a NamedArray, an ndarray, a list of text, or a mapping of these. A list with an entry for each
+    column of a matrix names them, or gives their units. A mapping of a label and its values, as Simulink and Spike2
+    have for each channel, is a column. `before` is the place of the structure, with a dot behind it.
     """
     arrays = {
         name: _as_array(name, value) for name, value in content.items() if isinstance(value, np.ndarray | NamedArray)
@@ -142,22 +137,7 @@ _LABCHART = {"data", "datastart", "dataend", "titles", "samplerate"}
 
 
 def read_matlab(path: Path, names: Collection[str] = ()) -> NamedColumns:
-    """Read a ``.mat`` file.
-
-    Parameters
-    ----------
-    path : path
-        File of ``save`` in MATLAB, of ``scipy.io.savemat``, LabChart or AcqKnowledge.
-    names : collection of str
-        As in :func:`cutenv.records.foreign.array_tables.table_of_arrays`.
-
-    Raises
-    ------
-    RecordError
-        If it is no such file, or holds no arrays of numbers; also if its only content are objects of MATLAB.
-    ModuleNotFoundError
-        If h5py is needed and not installed; names the pip command.
-    """
+    """Read a ``.mat`` file of MATLAB, ``scipy.io.savemat``, LabChart or AcqKnowledge."""
     notes: list[str] = []
     with path.open("rb") as file:
         beginning = file.read(520)
@@ -282,17 +262,7 @@ _MOST_BYTES = 1 << 32  # of one dataset
 
 
 def read_hdf5(path: Path, names: Collection[str] = ()) -> NamedColumns:
-    """Read an HDF5 file.
-
-    A dataset is a column, or several, named by its place.
-
-    Raises
-    ------
-    RecordError
-        If it is no such file, or holds no numbers.
-    ModuleNotFoundError
-        If h5py is not installed; names the pip command.
-    """
+    """Read an HDF5 file: a dataset is a column, or several, named by its place."""
     h5py = optional_import("h5py", "h5py", "HDF5")
     try:
         check_heaps(path)

@@ -25,24 +25,12 @@ from cutenv.records.schema import RecordError
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Series:
-    """Readings of one source.
+    """Readings of one source."""
 
-    Attributes
-    ----------
-    source : str
-        Topic, stream or group.
-    headers : tuple of str
-        Names of the columns, with their units in brackets where they are known.
-    times : ndarray of shape (n,)
-        Times [s], in any order.
-    values : ndarray of shape (n, n_columns)
-        Numbers in the units of the headers.
-    """
-
-    source: str
-    headers: tuple[str, ...]
-    times: Array
-    values: Array
+    source: str  # topic, stream or group
+    headers: tuple[str, ...]  # names of the columns, with their units in brackets where they are known
+    times: Array  # times [s], in any order, shape (n,)
+    values: Array  # numbers in the units of the headers, shape (n, n_columns)
 
     def in_order(self) -> Series:
         """Return readings in time order, the first of equal times."""
@@ -53,25 +41,9 @@ class Series:
 def joined(path: Path, every: Sequence[Series], names: Collection[str], notes: Sequence[str] = ()) -> NamedColumns:
     """Return series as one table.
 
-    Its rows are the readings of the series that is needed first.
-
-    Parameters
-    ----------
-    path : path
-        File, for messages.
-    every : sequence of Series
-        At least one.
-    names : collection of str
-        Columns that are needed, that of the force first; the rows reach from where to where all of them have
-        readings, and one step of theirs more. Without any, the rows are those of the series with a force that has the
-        most readings.
-    notes : sequence of str
-        Peculiarities of the file, for the reader.
-
-    Raises
-    ------
-    RecordError
-        If the needed series have no two readings in common.
+    Its rows are the readings of the series that is needed first. `names` are the columns that are needed, that of the
+    force first; the rows reach from where to where all of them have readings, and one step of theirs more. Without any,
+    the rows are those of the series with a force that has the most readings.
     """
     series = [each.in_order() for each in every]
     headers = [header for each in series for header in each.headers]
@@ -137,24 +109,12 @@ _CLOCKS = re.compile(r"t_\w+|time_?\w+|\w+_t")  # of one sensor, if they run
 
 @dataclass(frozen=True, eq=False)
 class NamedArray:
-    """One array of a file.
+    """One array of a file."""
 
-    Attributes
-    ----------
-    name : str
-        Its path in the file, with dots.
-    values : ndarray
-        Numbers, times or text, of any shape.
-    unit : str
-        Unit that is stated beside it, "" for none.
-    names, units : tuple of str
-        Names and units of its columns, if the file states them.
-    """
-
-    name: str
-    values: NDArray[Any]
-    unit: str = ""
-    names: tuple[str, ...] = ()
+    name: str  # its path in the file, with dots
+    values: NDArray[Any]  # numbers, times or text, of any shape
+    unit: str = ""  # unit that is stated beside it, "" for none
+    names: tuple[str, ...] = ()  # names and units of its columns, if the file states them
     units: tuple[str, ...] = ()
 
 
@@ -172,27 +132,8 @@ def table_of_arrays(
 
     Arrays of one length are columns of a table; a matrix is several. Arrays of other lengths are interpolated if they
     have times of their own, and left out with a note otherwise. Groups whose names differ by a number alone
-    (``demo_0``, ``demo_1``) are records, one below the other. A number such as ``fs`` or ``dt`` is the rate.
-
-    Parameters
-    ----------
-    path : path
-        File, for messages.
-    arrays : iterable of NamedArray
-        Its content.
-    about : str
-        Format, for the reader.
-    names : collection of str
-        Columns that are needed, that of the force first; it matters where arrays of several lengths are joined.
-    notes : sequence of str
-        Peculiarities of the file, for the reader.
-    parts : ndarray of shape (n,), optional
-        Number of the record of each row, where the file itself says so; `part_name` is the word for one.
-
-    Raises
-    ------
-    RecordError
-        If no array holds two numbers.
+    (``demo_0``, ``demo_1``) are records, one below the other. A number such as ``fs`` or ``dt`` is the rate. `parts` is
+    the number of the record of each row, where the file itself says so, `part_name` the word for one.
     """
     given, told = list(arrays), list(notes)
     records = _records(given, told) if parts is None else {"": given}

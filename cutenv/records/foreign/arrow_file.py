@@ -34,13 +34,6 @@ def read(path: Path, names: Collection[str] = ()) -> NamedColumns:
     A list in a cell is several columns, named by the data set's ``meta/info.json``, or by its places. A list of lists
     holds several readings of a sensor that is faster than the frames. The rows of an episode (``episode_index``) are a
     record.
-
-    Raises
-    ------
-    RecordError
-        If it is no such file, or holds no numbers.
-    ModuleNotFoundError
-        If pyarrow is not installed; names the pip command.
     """
     files = sorted((path / "data").rglob("*.parquet")) if path.is_dir() else [path]
     described = next((each for each in (path, *path.parents[:4]) if is_lerobot(each)), None)

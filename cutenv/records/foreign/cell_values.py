@@ -62,30 +62,16 @@ MOMENT_PATTERN = re.compile("|".join(re.sub(r"\?P<\w+>", "", pattern.pattern) fo
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CellValues:
-    """Cells of a column as numbers.
+    """Cells of a column as numbers."""
 
-    Attributes
-    ----------
-    values : ndarray of shape (n,)
-        Numbers; NaN where a cell holds none. Dates, clocks and durations are seconds from `origin`.
-    kind : {"number", "clock", "date", "text"}
-        Number; time of a day or from a start; moment with its date; anything else.
-    unit : str
-        Unit that stands in the cells themselves, "s" for times; "" without.
-    origin : float
-        Number taken off all values, so that nanoseconds since 1970 keep their digits.
-    odd : tuple of int
-        Rows whose cells are neither numbers nor words for a missing one.
-    doubt : str
-        Words for the reader on how ambiguous cells were read; "" if none was.
-    """
-
+    # numbers; NaN where a cell holds none. Dates, clocks and durations are seconds from `origin`, shape (n,)
     values: Array
+    # "number"; "clock", a time of a day or from a start; "date", a moment with its date; "text", anything else
     kind: str = "number"
-    unit: str = ""
-    origin: float = 0.0
-    odd: tuple[int, ...] = ()
-    doubt: str = ""
+    unit: str = ""  # unit that stands in the cells themselves, "s" for times; "" without
+    origin: float = 0.0  # number taken off all values, so that nanoseconds since 1970 keep their digits
+    odd: tuple[int, ...] = ()  # rows whose cells are neither numbers nor words for a missing one
+    doubt: str = ""  # words for the reader on how ambiguous cells were read; "" if none was
 
 
 def cell_values(cells: Sequence[str], decimal: str) -> CellValues:

@@ -27,16 +27,8 @@ class ClockStretch(NamedTuple):
 def stretches(time: Array, rows: RowNumbers, *, of_day: bool, notes: list[str]) -> tuple[list[ClockStretch], int]:
     """Return records between clock restarts, and the number of repeated readings.
 
-    Parameters
-    ----------
-    time : ndarray of shape (n,)
-        Times of all rows of the file [s].
-    rows : ndarray of int
-        Rows of one part of it.
-    of_day : bool
-        True for dates and clock times, which midnight, noon and summer time set.
-    notes : list of str
-        Is told what was done.
+    `time` [s] is of all rows of the file, `rows` are one part of it. Dates and clock times (`of_day`) are set by
+    midnight, noon and summer time.
     """
     here = time[rows]
     if of_day:

@@ -35,26 +35,13 @@ class Expression:
     """Source of a field.
 
     A column, its opposite, the norm of several, or one number set by hand.
-
-    Attributes
-    ----------
-    columns : tuple of str
-        Names in the file, or places such as ``#2``; empty if the field is a number.
-    is_norm : bool
-        True if the field is the root of the sum of the columns' squares.
-    sign : {1.0, -1.0}
-        Factor of the field.
-    value : float or None
-        Number set by hand, in `unit`.
-    unit : str or None
-        Unit as given, a key of ``UNITS[field]``; None to use the one in the file's header.
     """
 
-    columns: tuple[str, ...] = ()
-    is_norm: bool = False
-    sign: float = 1.0
-    value: float | None = None
-    unit: str | None = None
+    columns: tuple[str, ...] = ()  # names in the file, or places such as ``#2``; empty if the field is a number
+    is_norm: bool = False  # true if the field is the root of the sum of the columns' squares
+    sign: float = 1.0  # factor of the field; 1.0, -1.0
+    value: float | None = None  # number set by hand, in `unit`
+    unit: str | None = None  # unit as given, a key of ``UNITS[field]``; None to use the one in the file's header
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -239,13 +226,7 @@ def options_text(items: Mapping[str, str]) -> str:
 
 
 def known_unit(field: str, unit: str) -> str:
-    """Return the spelling in ``UNITS[field]`` of a unit as written.
-
-    Raises
-    ------
-    ValueError
-        If the unit is unknown; the message names the nearest.
-    """
+    """Return the spelling in ``UNITS[field]`` of a unit as written."""
     return unit_of_field(field, unit) or one_of(f"unit of {field}", unit.strip(), UNITS[field])
 
 
@@ -255,13 +236,7 @@ def column_of(field: str, unit: str) -> Column:
 
 
 def parse_expression(field: str, text: str) -> Expression:
-    """Parse one expression of a :class:`ColumnMap`.
-
-    Raises
-    ------
-    ValueError
-        If it is not an expression, or its unit is unknown.
-    """
+    """Parse one expression of a :class:`ColumnMap`."""
     if not isinstance(text, str) or not text.strip():
         raise ValueError(f"{field} = {text!r} is no expression. Write a column's name.")
     body = text.strip()

@@ -94,19 +94,9 @@ def contact_level(trace: Trace, search: CutSearch) -> float:
 def find_tare(trace: Trace, search: CutSearch | None = None) -> Tare | None:
     """Find the sensor's zero in a record's quiet start.
 
-    Parameters
-    ----------
-    trace : Trace
-        Trace as recorded.
-    search : CutSearch, optional
-        Criteria, of which `contact` and `quiet` are used.
-
-    Returns
-    -------
-    Tare or None
-        The mean without outliers; None if the start is not quiet: shorter than `quiet` or 10 readings, moving (where
-        position is known), or rising. A blade at rest that presses with a constant force from the first instant on
-        cannot be distinguished from an offset.
+    It is the mean without outliers; None if the start is not quiet: shorter than `quiet` or 10 readings, moving (where
+    position is known), or rising. A blade at rest that presses with a constant force from the first instant on cannot
+    be distinguished from an offset.
     """
     search = search or CutSearch()
     least = max(_FEWEST, _readings(trace, search.quiet))
@@ -137,21 +127,9 @@ def find_cuts(trace: Trace, search: CutSearch | None = None) -> list[FoundCut]:
 
     Cuts are separated where the blade is unloaded for `search.pause`, and at rest, if its position is known. A cut
     begins where the force first rises, and ends with the last force or, if position is known, the last motion, so that
-    it includes the way back. If the blade stops suddenly, so much rest is kept as shows that the cut is complete.
-    A stretch in which the blade only returns, under friction, belongs to the cut before; motion without force is not a
+    it includes the way back. If the blade stops suddenly, so much rest is kept as shows that the cut is complete. A
+    stretch in which the blade only returns, under friction, belongs to the cut before; motion without force is not a
     cut.
-
-    Parameters
-    ----------
-    trace : Trace
-        Trace without the sensor's offset.
-    search : CutSearch, optional
-        Criteria for contact and pauses.
-
-    Returns
-    -------
-    list of FoundCut
-        Cuts in order of time; may be empty.
     """
     search = search or CutSearch()
     contact = contact_level(trace, search)

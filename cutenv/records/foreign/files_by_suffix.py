@@ -55,13 +55,6 @@ def read_tdms(path: Path, names: Collection[str] = ()) -> NamedColumns:
 
     The channels of a group are columns. Groups with the same channels are records, one below the other; of groups with
     other channels, the slower ones are interpolated.
-
-    Raises
-    ------
-    RecordError
-        If it is no such file, or holds no numbers.
-    ModuleNotFoundError
-        If nptdms is not installed; names the pip command.
     """
     nptdms = optional_import("nptdms", "nptdms", "TDMS", extra="formats")
     try:
@@ -140,17 +133,7 @@ def _tdms_table(path: Path, channels: Sequence[_Channel]) -> NamedColumns:
 
 
 def read_xdf(path: Path, names: Collection[str] = ()) -> NamedColumns:
-    """Read a ``.xdf`` file.
-
-    Each channel of a stream is a column, at the times of the stream with the force.
-
-    Raises
-    ------
-    RecordError
-        If it is no such file, or no stream holds numbers.
-    ModuleNotFoundError
-        If pyxdf is not installed; names the pip command.
-    """
+    """Read a ``.xdf`` file: each stream's channels, at the force's times."""
     pyxdf = optional_import("pyxdf", "pyxdf", "XDF", extra="formats")
     logging.getLogger("pyxdf").setLevel(logging.ERROR)
     try:
@@ -208,13 +191,6 @@ def read_workbook(path: Path, names: Collection[str] = ()) -> NamedColumns:
 
     The longest is read, and below it every other with the same columns: testing machines write a sheet for each
     specimen.
-
-    Raises
-    ------
-    RecordError
-        If it is no such file, or none of its sheets holds a table of numbers.
-    ModuleNotFoundError
-        If python-calamine is not installed; names the pip command.
     """
     calamine = optional_import("python_calamine", "python_calamine", "A workbook", extra="formats")
     try:
@@ -285,23 +261,10 @@ def is_record_folder(path: Path) -> bool:
 
 
 def foreign_columns(path: Path, names: Collection[str] = ()) -> NamedColumns:
-    """Read a foreign file's columns, also if packed with gzip.
+    """Read a foreign file's or folder's columns, also if packed with gzip.
 
-    Parameters
-    ----------
-    path : path
-        Path of the file, or of a folder that is a record.
-    names : collection of str
-        Columns that are needed, that of the force first; it matters where series with clocks of their own are joined.
-
-    Raises
-    ------
-    RecordError
-        If it cannot be read: names place, reason and cure.
-    OSError
-        If it cannot be opened.
-    ModuleNotFoundError
-        If the format's library is not installed; names the pip command.
+    `names` are the columns that are needed, that of the force first; it matters where series with clocks of their own
+    are joined.
     """
     if path.suffix.lower() == PACKED and path.is_file():
         return _unpacked(path, names)

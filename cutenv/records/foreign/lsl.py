@@ -41,14 +41,8 @@ _chosen: str | None = None  # a process has one scope: liblsl reads its settings
 def lsl(scope: str | None = None) -> Any:
     """Import pylsl, keeping its streams within a scope at first use.
 
-    Raises
-    ------
-    ValueError
-        If there is no such scope, or the process has chosen another one before.
-    ModuleNotFoundError
-        If pylsl is not installed; names the pip command.
-    OSError
-        If liblsl is missing, which comes with pylsl's wheels for usual systems.
+    A ValueError says that there is no such scope, or that the process has chosen another one before; an OSError that
+    liblsl is missing, which comes with pylsl's wheels for usual systems.
     """
     global _chosen
     wanted = "machine" if scope is None else one_of("scope", scope, SCOPES)
@@ -77,21 +71,8 @@ _LONGEST_WAIT = 2.0  # [s] for what is still to be sent when the outlet is close
 class LslOutlet:
     """Listener that streams the cuts of one source, rig or person.
 
-    A thread of its own talks to liblsl: the caller puts readings into a queue and never waits.
-
-    Parameters
-    ----------
-    source : str
-        Name in front of the streams' names, such as "cutenv rig".
-    scope : {"machine", "link", "site"}
-        Reach of the streams.
-    about : dict of str to str, optional
-        Facts for readers, kept in the description of the stream of readings.
-
-    Raises
-    ------
-    ValueError, ModuleNotFoundError, OSError
-        As :func:`cutenv.records.foreign.lsl.lsl`.
+    A thread of its own talks to liblsl: the caller puts readings into a queue and never waits. `source` stands in front
+    of the streams' names; `about` are facts for readers, kept in the description of the stream of readings.
     """
 
     def __init__(self, source: str, *, scope: str = "machine", about: dict[str, str] | None = None) -> None:
@@ -120,16 +101,9 @@ class LslOutlet:
         self._mark(f"begin {name}")
 
     def readings(self, readings: StructArray, depth: Array, origin: float) -> None:
-        """Send readings.
+        """Send readings with the depth of cut at each [m].
 
-        Parameters
-        ----------
-        readings : Records
-            :data:`cutenv.sim.cutting.dtypes.READING`, shape (n,).
-        depth : ndarray of shape (n,)
-            Depth of cut at each of them [m].
-        origin : float
-            When their time was zero, by ``time.monotonic()`` [s].
+        Their time was zero at `origin`, by ``time.monotonic()`` [s].
         """
         rows = np.column_stack([*(readings[name] for name in STREAMED[:-1]), depth])
         self._waiting.put((origin + readings["time"], rows))
@@ -171,25 +145,10 @@ _LEAST = 2  # readings of a record
 
 
 class LslInlet:
-    """Stream of numbers, found by its name and open.
+    """Stream of numbers, found by its name or source id, and open.
 
-    Parameters
-    ----------
-    name : str
-        Name of the stream, or its source id.
-    scope : {"machine", "link", "site"}, optional
-        Reach of the search; default this machine.
-
-    Attributes
-    ----------
-    headers : tuple of str
-        Column of the time and of each channel, ``label [unit]``; channels without a label are ``channel 1`` and so on.
-
-    Raises
-    ------
-    ValueError
-        If there is no such stream (the message lists those there are), several, or it has no numbers; or as
-        :func:`cutenv.records.foreign.lsl.lsl`.
+    Its `headers` are the columns of the time and of each channel, ``label [unit]``; channels without a label are
+    ``channel 1`` and so on.
     """
 
     def __init__(self, name: str, *, scope: str | None = None) -> None:
@@ -246,30 +205,13 @@ def record_stream(
     seconds: float | None = None,
     on_reading: Callable[[Reading], None] = lambda newest: None,
 ) -> int:
-    """Record a stream until time or silence ends it.
+    """Record a stream until time or silence ends it; return the number of readings.
 
-    The number of readings is returned. Rows are on the disk as they come, and an interrupted record can be read. Its
-    time starts at the first sample. The metadata ``stream_end`` is "asked", or "silent" if no sample has come for
-    :data:`SILENCE`.
-
-    Parameters
-    ----------
-    inlet : LslInlet
-        Open stream.
-    mapping : ColumnMap
-        Which channel is what; its time is the stream's own, ``time=stamp``.
-    path : path
-        New file, .csv.
-    seconds : float, optional
-        Duration [s].
-    on_reading : callable
-        Is given the newest reading after every chunk.
-
-    Raises
-    ------
-    RecordError
-        If a sample is no reading: not finite, out of range, or not later than the one before (the record keeps all
-        before it); or if no two samples came.
+    Rows are on the disk (a new .csv) as they come, and an interrupted record can be read. Its time starts at the first
+    sample; the mapping's is the stream's own, ``time=stamp``. The metadata ``stream_end`` is "asked", or "silent" if no
+    sample has come for :data:`SILENCE`. A sample that is no reading (not finite, out of range, or not later than the
+    one before) is a RecordError; the record keeps all before it. `on_reading` is given the newest reading after every
+    chunk.
     """
     fields = [name for name in Reading._fields if name in mapping.fields]
     record: AppendingRecord | None = None

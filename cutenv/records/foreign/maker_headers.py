@@ -37,30 +37,15 @@ _SIZE = {"khz": 1e3, "ks/s": 1e3}
 
 @dataclass(frozen=True, kw_only=True)
 class MakerHeader:
-    """Statements of a header.
+    """Statements of a header."""
 
-    Attributes
-    ----------
-    lines : list of str
-        Lines of the file, those of the header blank.
-    names, units : tuple of str
-        Names and units of the columns; empty if the header states none.
-    rate : float or None
-        Readings a second [Hz].
-    starts : tuple of float
-        Beginning of each segment [s]; empty if there is one.
-    maker : str
-        Program that wrote the file, for the reader.
-    counts : mapping
-        Counts of a unit, by the name of the column whose whole numbers are counts.
-    """
-
-    lines: list[str]
-    names: tuple[str, ...] = ()
+    lines: list[str]  # lines of the file, those of the header blank
+    names: tuple[str, ...] = ()  # names and units of the columns; empty if the header states none
     units: tuple[str, ...] = ()
-    rate: float | None = None
-    starts: tuple[float, ...] = field(default=())
-    maker: str = ""
+    rate: float | None = None  # readings a second [Hz]
+    starts: tuple[float, ...] = field(default=())  # beginning of each segment [s]; empty if there is one
+    maker: str = ""  # program that wrote the file, for the reader
+    # counts of a unit, by the name of the column whose whole numbers are counts
     counts: Mapping[str, float] = field(default_factory=dict)
 
     def scaled(self, names: Sequence[str], typed: Callable[[int], CellValues]) -> Callable[[int], CellValues]:

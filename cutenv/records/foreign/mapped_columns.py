@@ -106,50 +106,22 @@ class RecordRows(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MappedReadings:
-    """Mapped columns in SI with sound rows and force components.
-
-    Attributes
-    ----------
-    table : NamedColumns
-        The table.
-    mapping : ColumnMap
-        Mapping through which it is read.
-    kept : ndarray of int, shape (n,)
-        Rows of the table.
-    time : ndarray of shape (n,), or None
-        Times as printed [s]; None if the mapping gives a rate.
-    force : ndarray of shape (n, k)
-        Components of the force [force unit].
-    sensed : dict
-        Other fields in SI.
-    force_unit : {"N", "1"}
-        Unit of the force.
-    left_out : list of LeftOut
-        Rows that are in no record.
-    notes : list of str
-        What was assumed and corrected.
-    """
+    """Mapped columns in SI with sound rows and force components."""
 
     table: NamedColumns
     mapping: ColumnMap
-    kept: RowNumbers
-    time: Array | None
-    force: Array
-    sensed: dict[str, Array]
-    force_unit: str
+    kept: RowNumbers  # rows of the table, shape (n,)
+    time: Array | None  # times as printed [s]; None if the mapping gives a rate, shape (n,)
+    force: Array  # components of the force [force unit], shape (n, k)
+    sensed: dict[str, Array]  # other fields in SI
+    force_unit: str  # unit of the force; "N" or "1"
     of_day: bool
-    left_out: list[LeftOut]
-    notes: list[str]
+    left_out: list[LeftOut]  # rows that are in no record
+    notes: list[str]  # what was assumed and corrected
 
     @classmethod
     def of(cls, table: NamedColumns, mapping: ColumnMap) -> MappedReadings:
-        """Make those of a table.
-
-        Raises
-        ------
-        RecordError
-            If a unit is unknown or contradicts the file, or no row is a reading.
-        """
+        """Make those of a table."""
         notes: list[str] = list(table.notes)
         left_out = list(table.left_out)
         columns, force_unit = columns_in_si(table, mapping, notes)
@@ -346,25 +318,9 @@ class MappedReadings:
 def columns_in_si(
     table: NamedColumns, mapping: ColumnMap, notes: list[str], *, guess: bool = True
 ) -> tuple[dict[str, Array], str]:
-    """Return mapped fields in SI, shape (n, k), and force unit.
+    """Return mapped fields in SI, shape (n, k), and force unit, "N" or "1".
 
-    The force unit is "N" or "1".
-
-    Parameters
-    ----------
-    table : NamedColumns
-        The table.
-    mapping : ColumnMap
-        Mapping of its columns.
-    notes : list of str
-        Is told what was assumed.
-    guess : bool
-        False to take SI, rather than the plausible unit, for a field without one.
-
-    Raises
-    ------
-    RecordError
-        If a unit is unknown or contradicts the file.
+    Without `guess`, a field without unit is taken in SI, rather than in the plausible one.
     """
     columns: dict[str, Array] = {}
     force_unit = "N"

@@ -40,65 +40,28 @@ class LeftOut:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NamedColumns:
-    """Named columns of equal length, with the file's statements.
-
-    Attributes
-    ----------
-    path : Path
-        Path of the file.
-    headers : tuple of str
-        Headers of the columns, as in the file, "" for one without; empty if the file has none.
-    units : tuple of str
-        Units that the file states outside of the headers, "" where it is silent; empty if it states none.
-    n_columns : int
-        Number of columns.
-    lines : ndarray of int, shape (n,)
-        Place of each row in the file, from 1.
-    about : str
-        Format as it was detected, for the reader.
-    typed : callable
-        Maps the index of a column to its cells as numbers.
-    text : callable
-        Maps the index of a column to its cells as text.
-    parts : ndarray of int, shape (n,), or None
-        Number of the specimen or block of each row, from 0; None if the file has only one.
-    part_names : tuple of str
-        Names of the parts, for the reader.
-    part_starts : tuple of float
-        Beginning of each part on a common clock [s]; empty if the file states none.
-    rate : float or None
-        Readings a second that the file states [Hz].
-    force_unit : str
-        Unit of force that a line above the table states for all of it; "" if none does.
-    left_out : tuple of LeftOut
-        Rows that are no readings at all.
-    notes : tuple of str
-        Peculiarities of the file, for the reader.
-    above : str
-        Text above the numbers in place of a header, for messages.
-    row_name : str
-        Word for a row in messages.
-    source : str
-        Topic, stream or group whose readings are the rows, while others are interpolated; "" if all columns share them.
-    """
+    """Named columns of equal length, with the file's statements."""
 
     path: Path
-    headers: tuple[str, ...]
+    headers: tuple[str, ...]  # headers of the columns, as in the file, "" for one without; empty if the file has none
     n_columns: int
-    lines: RowNumbers
-    about: str
-    typed: Callable[[int], CellValues]
-    text: Callable[[int], Sequence[str]]
+    lines: RowNumbers  # place of each row in the file, from 1, shape (n,)
+    about: str  # format as it was detected, for the reader
+    typed: Callable[[int], CellValues]  # maps the index of a column to its cells as numbers
+    text: Callable[[int], Sequence[str]]  # maps the index of a column to its cells as text
+    # units that the file states outside of the headers, "" where it is silent; empty if it states none
     units: tuple[str, ...] = ()
+    # number of the specimen or block of each row, from 0; None if the file has only one, shape (n,)
     parts: RowNumbers | None = None
-    part_names: tuple[str, ...] = ()
-    part_starts: tuple[float, ...] = ()
-    rate: float | None = None
-    force_unit: str = ""
-    left_out: tuple[LeftOut, ...] = ()
-    notes: tuple[str, ...] = ()
-    above: str = "nothing stands above them"
-    row_name: str = "line"
+    part_names: tuple[str, ...] = ()  # names of the parts, for the reader
+    part_starts: tuple[float, ...] = ()  # beginning of each part on a common clock [s]; empty if the file states none
+    rate: float | None = None  # readings a second that the file states [Hz]
+    force_unit: str = ""  # unit of force that a line above the table states for all of it; "" if none does
+    left_out: tuple[LeftOut, ...] = ()  # rows that are no readings at all
+    notes: tuple[str, ...] = ()  # peculiarities of the file, for the reader
+    above: str = "nothing stands above them"  # text above the numbers in place of a header, for messages
+    row_name: str = "line"  # word for a row in messages
+    # topic, stream or group whose readings are the rows, while others are interpolated; "" if all columns share them
     source: str = ""
 
     @classmethod
@@ -115,28 +78,7 @@ class NamedColumns:
     ) -> Self:
         """Make named columns of arrays from a binary format or stream.
 
-        Parameters
-        ----------
-        path : path
-            Path of the file.
-        columns : mapping, or sequence of pairs
-            Name and content of each column: numbers, ``datetime64``, ``timedelta64`` or text, shape (n,). A name may
-            hold a unit, ``force [N]``.
-        units : mapping or sequence of str
-            Stated unit by name, or of each column.
-        about : str
-            Format, for the reader: "sheet 'Tabelle1'".
-        row_name : str
-            Word for a row in messages.
-        lines : ndarray of int, shape (n,), optional
-            Place of each row, from 1; by default their number.
-        **facts
-            Further attributes: `parts`, `part_names`, `rate`, `left_out`, `notes`.
-
-        Raises
-        ------
-        RecordError
-            If there is no column or no row, or their lengths differ.
+        A name may hold a unit, ``force [N]``; `units` are by name, or of each column. Further `facts` are attributes.
         """
         pairs = list(columns.items() if isinstance(columns, Mapping) else columns)
         names = [name for name, _ in pairs]
@@ -167,13 +109,7 @@ class NamedColumns:
         return f"{self.n_columns} columns, {self.about}, {len(self)} rows"
 
     def index(self, name: str) -> int:
-        """Return a column's index by name or place (``#2``).
-
-        Raises
-        ------
-        RecordError
-            If none or several match; the message names the nearest.
-        """
+        """Return a column's index by name or place (``#2``)."""
         if (place := re.fullmatch(r"#(\d{1,9})", name)) is not None:
             if not 1 <= int(place[1]) <= self.n_columns:
                 raise RecordError(self.path, f"there is no column {name}: the rows have {self.n_columns}.")
@@ -220,13 +156,7 @@ class NamedColumns:
         return sum(bare_name(each) == name and without_brackets(each)[1].isdecimal() for each in self.headers) > 1
 
     def unit(self, index: int, field: str) -> str | None:
-        """Return a column's stated unit for a field, or None.
-
-        Raises
-        ------
-        RecordError
-            If it states an unknown one, or one of another quantity.
-        """
+        """Return a column's stated unit for a field, or None."""
         said = self.stated(index)
         if not said:
             return "1" if field == "force" and self.header(index).strip() == "force_1" else None

@@ -104,23 +104,13 @@ _MATRIX = re.compile(r"(?:.*[^a-z])?[a-z]_t_\w*?[^a-z0-9](?P<place>1[234])\W*") 
 
 @dataclass(frozen=True, kw_only=True)
 class Question:
-    """Question that a file leaves open, with possible answers.
+    """Question that a file leaves open, with possible answers."""
 
-    Attributes
-    ----------
-    about : str
-        Field of the mapping: "time", "force", "position" or "rate".
-    text : str
-        The question.
-    choices : tuple of (str, mapping)
-        Answers as words, and as items of the mapping (``{"unit": "mN"}``) which they set.
-    proposed : int or None
-        Index of the answer that is taken if nobody is asked; None if none is likelier than the others.
-    """
-
-    about: str
+    about: str  # field of the mapping: "time", "force", "position" or "rate"
     text: str
+    # answers as words, and as items of the mapping (``{"unit": "mN"}``) which they set
     choices: tuple[tuple[str, Mapping[str, str]], ...]
+    # index of the answer that is taken if nobody is asked; None if none is likelier than the others
     proposed: int | None = None
 
     def __str__(self) -> str:
@@ -131,18 +121,11 @@ class Question:
 
 @dataclass(frozen=True, kw_only=True)
 class Proposal:
-    """Mapping suggested by a file, with the open questions.
+    """Mapping suggested by a file, with the open questions."""
 
-    Attributes
-    ----------
-    items : mapping
-        ``{"time": "t[ms]", "force": "F", "unit": "N"}``: fields, ``rate`` and the force's ``unit``.
-    questions : tuple of Question
-        Open questions; the answers that are proposed are among the items.
-    """
-
+    # ``{"time": "t[ms]", "force": "F", "unit": "N"}``: fields, ``rate`` and the force's ``unit``
     items: Mapping[str, str]
-    questions: tuple[Question, ...] = ()
+    questions: tuple[Question, ...] = ()  # open questions; the answers that are proposed are among the items
 
     @property
     def mapping(self) -> ColumnMap | None:
@@ -173,13 +156,7 @@ class Proposal:
 
 
 def proposal(table: NamedColumns) -> Proposal:
-    """Return the mapping suggested by columns, and the open questions.
-
-    Raises
-    ------
-    RecordError
-        If no column can be a force.
-    """
+    """Return the mapping suggested by columns, and the open questions."""
     return _Columns(table).proposal()
 
 

@@ -47,15 +47,7 @@ def is_bag(path: Path) -> bool:
 
 
 def messages(path: Path, notes: list[str]) -> Iterator[Message]:
-    """Yield a bag's messages in file order; add peculiarities to `notes`.
-
-    Raises
-    ------
-    ModuleNotFoundError
-        If a library is not installed; names the pip command.
-    Exception
-        Any, of a damaged file.
-    """
+    """Yield a bag's messages in file order; add peculiarities to `notes`."""
     if path.is_dir() and (files := sorted(each for each in path.iterdir() if each.suffix in _FILES)):
         for file in files:
             yield from messages(file, notes)
@@ -331,23 +323,8 @@ def bag_table(path: Path, names: Collection[str] = ()) -> NamedColumns:
     """Read a bag of ROS 1 or 2, or MCAP.
 
     Suffixes are ``.bag`` for ROS 1, and ``.mcap`` and ``.db3`` for ROS 2, or its folder. MCAP may hold JSON or
-    Protobuf.
-
-    Parameters
-    ----------
-    path : path
-        Path of the file or folder.
-    names : collection of str
-        Columns that are needed, such as ``/ft/wrench.wrench.force.x``, that of the force first: the rows are the
-        messages of its topic, from where to where all the needed topics have messages. Without it, the rows are those
-        of the topic with a force that has the most messages.
-
-    Raises
-    ------
-    RecordError
-        If it is no bag, a damaged one, or holds no numbers.
-    ModuleNotFoundError
-        If a library is not installed; names the pip command.
+    Protobuf. `names` are columns that are needed, such as ``/ft/wrench.wrench.force.x``, as for
+    :func:`cutenv.records.foreign.array_tables.joined`: the series are the topics.
     """
     if not path.is_dir():
         path.open("rb").close()  # a missing file is a missing file

@@ -268,22 +268,12 @@ _SCALE = re.compile(
 
 @dataclass(kw_only=True)
 class ChannelBlock:
-    """Channels whose values stand in the same lines.
+    """Channels whose values stand in the same lines."""
 
-    Attributes
-    ----------
-    names, units : list of str
-        Their names, and their units, "" where the file states none.
-    rows : list of int
-        Places of the lines that hold the values.
-    step : float or None
-        Time between two values [s].
-    """
-
-    names: list[str]
+    names: list[str]  # their names, and their units, "" where the file states none
     units: list[str]
-    rows: list[int] = field(default_factory=list)
-    step: float | None = None
+    rows: list[int] = field(default_factory=list)  # places of the lines that hold the values
+    step: float | None = None  # time between two values [s]
 
 
 def igor_blocks(lines: list[str]) -> list[ChannelBlock]:

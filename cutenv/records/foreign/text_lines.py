@@ -31,13 +31,7 @@ _FEWEST_PAIRS = 0.8  # share of the lines that are pairs, in a file of pairs
 
 
 def text_lines(path: Path) -> list[str]:
-    """Return a text file's lines, in UTF-8, UTF-16 or Windows encodings.
-
-    Raises
-    ------
-    RecordError
-        If it is no text.
-    """
+    """Return a text file's lines, in UTF-8, UTF-16 or Windows encodings."""
     content = path.read_bytes()
     check_beginning(path, content, "text", UTF_16)
     encodings = ("utf-16",) if content[:2] in UTF_16 else ("utf-8-sig", "cp1252", "cp932", "gb18030")

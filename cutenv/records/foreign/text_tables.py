@@ -60,13 +60,7 @@ _COMMON = 0.05  # share of the rows above which a length or a gap is the file's 
 
 
 def sniff_table(path: Path, lines: list[str] | None = None) -> NamedColumns:
-    """Read a text file, or lines, and detect its format.
-
-    Raises
-    ------
-    RecordError
-        If it holds no table of numbers.
-    """
+    """Read a text file, or lines, and detect its format."""
     lines = text_lines(path) if lines is None else lines
     parted = tabled(lines)
     if parted is not None:

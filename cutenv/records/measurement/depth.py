@@ -31,13 +31,7 @@ _STRAIGHT = 1e-9  # change of the slope that is rounding
 
 
 def depth_sd(trace: Trace) -> float | None:
-    """Return the depth's standard deviation in a record [m], or None.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If what the metadata give is no number of metres from 0 to 0.02.
-    """
+    """Return the depth's standard deviation in a record [m], or None."""
     sd = trace.metadata.get(DEPTH_SD_KEY)
     return None if sd is None else in_range(f"metadata {DEPTH_SD_KEY}", sd, 0.0, _LARGEST_SD, "m", "0.3 mm is 0.0003.")
 
@@ -84,18 +78,8 @@ class DepthProfile:
 def wanted_depth(points: object, *, name: str = WANTED_DEPTH_KEY) -> DepthProfile:
     """Return a wanted depth profile from pairs [position, depth] [m].
 
-    Parameters
-    ----------
-    points : sequence of pairs
-        Positions from the clamp, increasing, -0.05 to 0.5, and depths below the surface, 0 to 0.1 [m].  A single pair
-        is one depth everywhere.
-    name : str
-        Name of the argument in messages.
-
-    Raises
-    ------
-    ValueError
-        If they are no such pairs.
+    Positions from the clamp increase, -0.05 to 0.5, depths below the surface are 0 to 0.1 [m]. A single pair is one
+    depth everywhere. Messages name the argument `name`.
     """
     try:
         pairs = np.array(points, dtype=np.float64)
@@ -168,16 +152,10 @@ def unit_stiffness(tip: float | Array, depth: DepthProfile, model: CutModel) -> 
 def stiffness_ratio(
     known: float | Array, wanted: float | Array, depth: DepthProfile, model: CutModel | None = None
 ) -> Array:
-    """Return K at ``wanted`` over K at ``known`` tips [1].
+    """Return K at ``wanted`` over K at ``known`` tips [m], close together [1].
 
-    Parameters
-    ----------
-    known, wanted : float or ndarray
-        Tips [m], a few millimetres apart.
-    depth : DepthProfile
-        Depth of the cut; in a slab of 2.5 cm K rises more slowly than in proportion to it.
-    model : CutModel, optional
-        Model whose unit stiffness is a factor; without it only depth counts, as within a unit of cutting.
+    In a slab of 2.5 cm K rises more slowly than in proportion to the depth of the cut. Without the model, whose unit
+    stiffness is a factor, only depth counts, as within a unit of cutting.
     """
     if model is not None:
         return np.asarray(unit_stiffness(wanted, depth, model) / unit_stiffness(known, depth, model))

@@ -41,41 +41,23 @@ _WayBack = tuple[int, int, ReturnStroke]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DepthSection:
-    """One section of a cut, between two unloadings.
+    """One section of a cut, between two unloadings."""
 
-    Attributes
-    ----------
-    start, tip : float
-        Crack tip before and after it [m].
-    floor_before, floor_after : array, shape (301,)
-        Depth of the floor below the surface at each point of the grid [m], 0 where nothing is cut.
-    work_along, work_down : float
-        Work of the blade along the cut and downwards [J].
-    component_ahead, norm_ahead : float
-        Integrals of the force along the cut, and of the norm of both forces, over ground that the blade reached for the
-        first time [J]: what the thesis took for the work, with the norm.
-    rubbed : float
-        Integral of depth over the way of the blade, both directions [m2].
-    back : ReturnStroke
-        The way back that ends the section: tip, friction, stiffness of unloading.
-    depth : float
-        Depth of the blade at the tip, to which the stiffness belongs, while it went back [m].
-    friction_per_depth : float
-        Friction on the moving blade per depth of cut, median of the record's ways back [N/m].
-    """
-
-    start: float
+    start: float  # crack tip before and after it [m]
     tip: float
+    # depth of the floor below the surface at each point of the grid [m], 0 where nothing is cut, shape (301,)
     floor_before: Array
     floor_after: Array
-    work_along: float
+    work_along: float  # work of the blade along the cut and downwards [J]
     work_down: float
+    # integrals of the force along the cut, and of the norm of both forces, over ground that the blade reached for the
+    # first time [J]: what the thesis took for the work, with the norm
     component_ahead: float
     norm_ahead: float
-    rubbed: float
-    back: ReturnStroke
-    depth: float
-    friction_per_depth: float
+    rubbed: float  # integral of depth over the way of the blade, both directions [m2]
+    back: ReturnStroke  # the way back that ends the section: tip, friction, stiffness of unloading
+    depth: float  # depth of the blade at the tip, to which the stiffness belongs, while it went back [m]
+    friction_per_depth: float  # friction on the moving blade per depth of cut, median of the record's ways back [N/m]
 
     def area(self, top: float = 0.0, bottom: float = _ENDLESS) -> float:
         """Return the area opened between two depths below the surface [m2]."""
@@ -110,31 +92,12 @@ def depth_sections(
 ) -> list[DepthSection]:
     """Divide a record with height into sections between unloadings.
 
-    Parameters
-    ----------
-    trace : Trace
-        Record with position, height, depth (of a blade at height 0) and vertical force, from the start of the cut;
-        force in newtons.  Each way back past the tip, at one height, ends a section.
-    tissue : TissueDescription, optional
-        Tissue whose floor under the blade is expected; default pig liver.  Where the blade keeps its height while it
-        advances, the floor is at that height, whatever the tissue.
-    layers : Layers, optional
-        Its layers; default one tissue throughout.  A tougher one yields less to a blade that is lowered.
-    reasons : list of str, optional
-        Gets a line for each way back that ends no section.
+    The record has position, height, depth (of a blade at height 0) and vertical force in newtons, from the start of the
+    cut. Each way back past the tip, at one height, ends a section; `reasons` gets a line for each that ends none. The
+    floor is expected under the blade of `tissue` (default pig liver), whose tougher layers yield less to a blade that
+    is lowered; where the blade keeps its height while it advances, the floor is at that height, whatever the tissue. A
+    ValueError says that the record lacks what is needed, or leaves the specimen of 15 cm.
 
-    Returns
-    -------
-    list of DepthSection
-        In order; empty if no way back goes past the tip.
-
-    Raises
-    ------
-    ValueError
-        If the record lacks what is needed, or leaves the specimen of 15 cm.
-
-    Notes
-    -----
     Thesis, section 6.2 and equations 6.1 to 6.4, with the area in place of length times one depth.
     """
     by, said = "depth_sections", [] if reasons is None else reasons
@@ -187,18 +150,10 @@ def depth_sections(
 def opened_resistance(sections: Sequence[DepthSection]) -> dict[str, float]:
     """Return the sections' joint fracture resistance [J/m2], by kind of work.
 
-    Returns
-    -------
-    dict of str to float
-        "both works": along the cut and downwards, less friction on all ways but once, over the area: what R is.
-        "along": the same, of the force along the cut alone.  "component ahead" and "norm ahead": the force along the
-        cut, and the norm of both, over new ground, as the thesis did with the norm (sections 3.3.2 and 5.3); energy
-        that is stored at the end counts as fracture.
-
-    Raises
-    ------
-    ValueError
-        If there is no section.
+    "both works": along the cut and downwards, less friction on all ways but once, over the area: what R is. "along":
+    the same, of the force along the cut alone. "component ahead" and "norm ahead": the force along the cut, and the
+    norm of both, over new ground, as the thesis did with the norm (sections 3.3.2 and 5.3); energy that is stored at
+    the end counts as fracture.
     """
     if not sections:
         raise ValueError("there is no section: the record shows no way back past the tip at one height.")

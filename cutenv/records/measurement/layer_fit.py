@@ -50,28 +50,18 @@ _OF = {"toughness": "fracture energies", "modulus": "stiffnesses of unloading"}
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LayerFit:
-    """Layers found in a set of cuts.
+    """Layers found in a set of cuts."""
 
-    Attributes
-    ----------
-    layers : Layers
-        Layers, where a number is not identified as assumed.
-    evidence : tuple of Evidence
-        How each number was found, with its 95 % interval, or why it is assumed; names are ``layers.<field>``.
-    errors : dict of str to float
-        Relative standard error of each number that was found [1]; of the boundary the error itself [m].
-    resistance, modulus : array, shape (n_cuts,)
-        Of the tissue between the layers, cut by cut: fracture part of the resistance [J/m2], modulus of the material
-        [Pa].
-    scatter : dict of str to float
-        Standard deviation of the sections about the fit, of the logarithms of energies and stiffnesses [1].
-    """
-
-    layers: Layers
+    layers: Layers  # a number that is not identified is the assumed one
+    # how each number was found, with its 95 % interval, or why it is assumed; names are ``layers.<field>``
     evidence: tuple[Evidence, ...]
+    # relative standard error of each number that was found [1]; of the boundary the error itself [m]
     errors: dict[str, float]
+    # of the tissue between the layers, cut by cut: fracture part of the resistance [J/m2], modulus of the material
+    # [Pa], shape (n_cuts,)
     resistance: Array
     modulus: Array
+    # standard deviation of the sections about the fit, of the logarithms of energies and stiffnesses [1]
     scatter: dict[str, float]
 
     @property
@@ -136,28 +126,9 @@ def fit_layers(
 ) -> LayerFit:
     """Find layers from sections of cuts in depth steps.
 
-    Parameters
-    ----------
-    cuts : sequence of sequence of DepthSection
-        Sections of each cut, :func:`~cutenv.records.measurement.depth_sections.depth_sections`.
-    model : CutModel
-        Model to which the moduli belong.
-    boundary : float, optional
-        Depth below the surface at which the layer below begins [m]; by default it is searched.
-    capsule_thickness : float, optional
-        Thickness of the capsule [m]; without it nothing is said of a capsule, whose thickness and toughness no cut
-        tells apart.
-
-    Returns
-    -------
-    LayerFit
-        Numbers that the records do not tell are those of :class:`~cutenv.sim.tissue.Layers`, one tissue throughout, and
-        marked as assumed with the reason.
-
-    Raises
-    ------
-    ValueError
-        If there is no section.
+    The depth at which the layer below begins, `boundary` [m], is searched by default. Without `capsule_thickness` [m]
+    nothing is said of a capsule, whose thickness and toughness no cut tells apart. Numbers that the records do not tell
+    are those of :class:`~cutenv.sim.tissue.Layers`, one tissue throughout, and marked as assumed with the reason.
     """
     known = _Sections.of([each for each in cuts if each], model)
     if not known.sections:

@@ -19,20 +19,9 @@ _SPEED_SLACK = 0.02  # relative tolerance of the speed, which a record gives wit
 def loading_ratio(speed: float, angle: float | None) -> float:
     """Return r = min(1, LEM(v, theta)/E0) of pig liver.
 
-    Parameters
-    ----------
-    speed : float
-        Magnitude [m/s], 0 to 0.1; outside the measured 0.001 to 0.0254 the nearest measured speed is used.
-    angle : float
-        Angle of the blade [rad], pi/4 to pi/2.
+    Speeds [m/s] are 0 to 0.1; outside the measured 0.001 to 0.0254 the nearest measured one is used. Angles [rad] are
+    pi/4 to pi/2; another one, or what looks like another unit, is an error.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If the angle is missing or outside the measured range, or either looks like another unit.
-
-    Notes
-    -----
     As in the law (``measured_liver``): Table 5.6, depth-normalised plane stress, its means at 90 and the line at 45
     degrees. E0 is the value for v -> 0 at 90 degrees, itself a local effective modulus: the LEMs enter the law only by
     this ratio; its stiffness is that of the material.

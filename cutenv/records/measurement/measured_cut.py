@@ -251,21 +251,9 @@ def find_layers(
 ) -> tuple[LayerFit, list[list[DepthSection]]]:
     """Find layers from cuts in depth steps, and sections of each.
 
-    Layers and the floor of the cut under the blade, which yields less in a tougher layer, are found in turn.
-
-    Parameters
-    ----------
-    traces : sequence of Trace
-        Records as :func:`~cutenv.records.measurement.depth_sections.depth_sections` takes them.
-    model, boundary, capsule_thickness
-        See :func:`cutenv.records.measurement.layer_fit.fit_layers`.
-    tissue : TissueDescription, optional
-        Tissue whose floor is expected at first; default pig liver.
-
-    Raises
-    ------
-    ValueError
-        If a record lacks what is needed, or none has a section.
+    Layers and the floor of the cut under the blade, which yields less in a tougher layer, are found in turn. The
+    arguments are those of :func:`~cutenv.records.measurement.depth_sections.depth_sections` and
+    :func:`~cutenv.records.measurement.layer_fit.fit_layers`.
     """
     tissue = tissue or measured_liver()
     tissues, layers = [tissue] * len(traces), None

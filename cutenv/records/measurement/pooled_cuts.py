@@ -31,17 +31,10 @@ class Variogram:
     It is half the mean squared difference, over the distance. Differences within a cut do not contain what the whole
     cut has in common, and do not depend on the length of the cut relative to the correlation length, unlike a standard
     deviation within the cut.
-
-    Attributes
-    ----------
-    squares : ndarray of shape (n_cuts, n_lags)
-        Sums of half the squared differences.
-    pairs : ndarray of shape (n_cuts, n_lags)
-        Number of pairs.
     """
 
-    squares: Array
-    pairs: Array
+    squares: Array  # sums of half the squared differences, shape (n_cuts, n_lags)
+    pairs: Array  # number of pairs, shape (n_cuts, n_lags)
 
     @classmethod
     def of(
@@ -74,13 +67,7 @@ def fit_variances(variograms: Sequence[Variogram], counts: Array, length: float)
     """Fit properties' log variances along cuts for a correlation length.
 
     gamma(d) = variance (1 - exp(-d^2 / (2 length^2))), as for sampled specimens; least squares, weighted with the
-    number of pairs.
-
-    Returns
-    -------
-    variances : ndarray of shape (n_properties,)
-    misfit : float
-        Weighted sum of squares, each property's relative to its own size.
+    number of pairs. The misfit is the weighted sum of squares, each property's relative to its own size.
     """
     shape = 1.0 - np.exp(-0.5 * (CENTRES / length) ** 2)
     variances, misfit = [], 0.0
@@ -137,19 +124,8 @@ def mean_field_variance(positions: Array, variance: float, length: float) -> flo
 def nested_variances(values: Array, groups: NDArray[np.intp], counts: Array) -> tuple[float, float]:
     """Estimate variances between and within groups by one-way random-effects analysis.
 
-    Parameters
-    ----------
-    values : ndarray of shape (n,)
-        One value for each cut.
-    groups : ndarray of int of shape (n,)
-        Index of each cut's piece of tissue.
-    counts : ndarray of shape (n,)
-        Number of times that each is taken (a bootstrap resample), otherwise 1.
-
-    Returns
-    -------
-    between, within : float
-        Unbiased, so ``between`` may be negative; NaN for lack of groups or of members.
+    Each cut's value is taken `counts` times (a bootstrap resample). Unbiased, so ``between`` may be negative; NaN for
+    lack of groups or of members.
     """
     sizes = np.bincount(groups, counts)
     present = sizes > 0

@@ -25,41 +25,23 @@ _TIMES_SEEN = 3
 
 @dataclass(frozen=True, kw_only=True)
 class SensorAtRest:
-    """Properties of one force axis at rest.
+    """Properties of one force axis at rest."""
 
-    Attributes
-    ----------
-    resolution : float
-        Smallest step of the readings [N].
-    noise, noise_error : float
-        Standard deviation before rounding, and its standard error [N].
-    drift, drift_error : float
-        Standard deviation after one second of a random walk of the zero, and its standard error [N]; 0 if the walk is
-        not distinguishable from noise.
-    drift_seen : float
-        Least drift that would have been detected [N].
-    """
-
-    resolution: float
-    noise: float
+    resolution: float  # smallest step of the readings [N]
+    noise: float  # standard deviation before rounding, and its standard error [N]
     noise_error: float
+    # standard deviation after one second of a random walk of the zero, and its standard error [N]; 0 if the walk is not
+    # distinguishable from noise
     drift: float
     drift_error: float
-    drift_seen: float
+    drift_seen: float  # least drift that would have been detected [N]
 
 
 def longest_still(force: Array, rate: float) -> float:
-    """Return how long noisy readings may stay equal [s].
+    """Return how long noisy readings [N] may stay equal [s].
 
     The longest run that white noise allows once in 10^9 readings, if its zero is in the middle of a step; but at least
-    three times the longest run seen, because a sensor's filter makes neighbours alike.
-
-    Parameters
-    ----------
-    force : array of shape (n,)
-        Readings at rest [N]; at least 5 s.
-    rate : float
-        Rate of the readings [Hz].
+    three times the longest run seen in the 5 s or more at rest, because a sensor's filter makes neighbours alike.
     """
     changes = np.flatnonzero(np.diff(force))
     seen = int(np.diff(changes, prepend=-1, append=len(force) - 1).max())
@@ -74,17 +56,7 @@ def longest_still(force: Array, rate: float) -> float:
 def sensor_at_rest(force: Array, rate: float) -> SensorAtRest | None:
     """Estimate noise, resolution and drift at rest; None if all equal.
 
-    Parameters
-    ----------
-    force : array of shape (n,)
-        Readings [N], with nothing touching the blade; at least 5 s.
-    rate : float
-        Rate of the readings [Hz].
-
-    Raises
-    ------
-    ValueError
-        If there are too few readings.
+    `force` [N] at `rate` [Hz] are 5 s or more with nothing touching the blade.
     """
     size = round(NOISE_BLOCK * rate)
     blocks = len(force) // size

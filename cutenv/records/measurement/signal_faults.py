@@ -210,12 +210,7 @@ def _averaged(values: Array, count: int) -> Array:
 def spike_rows(readings: Readings) -> tuple[list[NDArray[np.intp]], Array]:
     """Find one or two readings far beyond noise and drops.
 
-    Returns
-    -------
-    list of ndarray
-        Rows of each spike.
-    ndarray of shape (n,)
-        Usual force beside each reading [force unit].
+    Returned are the rows of each spike, and the usual force beside each reading [force unit].
     """
     force = readings.force
     if len(force) < 4 * _SPIKE_LENGTH + 1:
@@ -303,12 +298,9 @@ def _levels(readings: Readings) -> Iterator[Fault]:
 def smoothness(readings: Readings) -> tuple[float, float] | None:
     """Return a force's smoothness over hundredths of a second.
 
-    Returns
-    -------
-    tuple of float or None
-        Variance of second over that of first differences of means over 10 ms: 3 for noise, 2 for sudden drops, less for
-        a force that a filter has smoothed; and the frequency above which it does not change [Hz]. None if the record is
-        too short, has too few readings a second, or its force does not change.
+    That is the variance of second over that of first differences of means over 10 ms: 3 for noise, 2 for sudden drops,
+    less for a force that a filter has smoothed; and the frequency above which it does not change [Hz]. None if the
+    record is too short, has too few readings a second, or its force does not change.
     """
     if readings.step == 0.0 or readings.step > 2.0 * _EVEN:
         return None

@@ -177,13 +177,7 @@ def without_friction(fracture: FractureEstimate) -> float:
 
 
 def used_before(traces: Sequence[Trace], lengths: Sequence[float]) -> list[float]:
-    """Return the length each blade had cut before [m].
-
-    Raises
-    ------
-    ValueError
-        If a record's length is no number, or some records tell it and others do not.
-    """
+    """Return the length each blade had cut before [m]."""
     told = [trace.metadata.get(USED_KEY) for trace in traces]
     if all(each is not None for each in told):
         bad = [each for each in told if isinstance(each, bool) or not isinstance(each, (int, float)) or not each >= 0.0]

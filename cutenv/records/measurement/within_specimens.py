@@ -33,73 +33,34 @@ class CutSetting:
 
 @dataclass(frozen=True, kw_only=True)
 class SettingEffect:
-    """Quantity at one setting relative to the reference, within specimens.
-
-    Attributes
-    ----------
-    setting : CutSetting
-        The setting.
-    cuts : int
-        Number of cuts at it.
-    ratio, low, high : float
-        Ratio, and the ends of its 95 % interval.
-    """
+    """Quantity at one setting relative to the reference, within specimens."""
 
     setting: CutSetting
-    cuts: int
-    ratio: float
+    cuts: int  # number of cuts at it
+    ratio: float  # ratio, and the ends of its 95 % interval
     low: float
     high: float
 
 
 @dataclass(frozen=True, kw_only=True)
 class WithinSpecimens:
-    """Comparison of the settings for one quantity.
-
-    Attributes
-    ----------
-    quantity : str
-        Name of the quantity.
-    reference : CutSetting
-        Setting of the reference cuts: that which most specimens were cut at.
-    effects : tuple of SettingEffect
-        All other settings.
-    between_sd, within_sd : float
-        Standard deviation of the logarithm between specimens, and between cuts of one at the same setting.
-    specimens : int
-        Number of specimens.
-    without_reference : tuple of str
-        Specimens without a reference cut: their settings are compared with the reference by way of the others.
-    """
+    """Comparison of the settings for one quantity."""
 
     quantity: str
-    reference: CutSetting
+    reference: CutSetting  # setting of the reference cuts: that which most specimens were cut at
     effects: tuple[SettingEffect, ...]
+    # standard deviation of the logarithm between specimens, and between cuts of one at the same setting
     between_sd: float
     within_sd: float
     specimens: int
+    # specimens without a reference cut: their settings are compared with the reference by way of the others
     without_reference: tuple[str, ...]
 
 
 def compare_settings(cuts: Sequence[MeasuredCut]) -> tuple[WithinSpecimens, ...]:
     """Compare settings' modulus and fracture resistance within specimens.
 
-    Parameters
-    ----------
-    cuts : sequence of MeasuredCut
-        Measured cuts of two specimens or more, which name their specimen, at two settings or more.
-
-    Returns
-    -------
-    tuple of WithinSpecimens
-        Of the modulus over all cuts that show one, and of the fracture resistance.
-
-    Raises
-    ------
-    ValueError
-        If a cut does not name its specimen, or the cuts do not allow a comparison.
-    ModuleNotFoundError
-        If statsmodels is not installed.
+    The cuts are of two specimens or more, at two settings or more. The modulus is over all cuts that show one.
     """
     nameless = [cut.name for cut in cuts if not cut.specimen]
     if nameless:
@@ -181,33 +142,9 @@ def _compared(
 def mixed_model(values: Array, design: Array, groups: Array) -> tuple[Array, Array, float, float]:
     """Fit a linear mixed model by restricted maximum likelihood.
 
-    Each group has a random level.
+    Each group has a random level. Returned are the fixed effects of the design's columns, shape (k,), their standard
+    errors, and the standard deviations between the groups and within them.
 
-    Parameters
-    ----------
-    values : ndarray of shape (n,)
-        Values.
-    design : ndarray of shape (n, k)
-        Columns of the fixed effects.
-    groups : ndarray of shape (n,)
-        Group of each value.
-
-    Returns
-    -------
-    fixed, errors : ndarray of shape (k,)
-        Fixed effects and their standard errors.
-    between, within : float
-        Standard deviations between the groups, and within them.
-
-    Raises
-    ------
-    ValueError
-        If the columns of the design depend on each other.
-    ModuleNotFoundError
-        If statsmodels is not installed.
-
-    Notes
-    -----
     The fit is that of ``statsmodels.regression.mixed_linear_model.MixedLM``. Its intervals are by the normal
     distribution, too narrow for few groups: take Student's t with n - groups - (k - 1) degrees of freedom, which is
     exact if every group has each setting once.

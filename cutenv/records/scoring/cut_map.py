@@ -36,14 +36,9 @@ class CutMap(ABC):
     """Map of a cut, with charges and shortcomings.
 
     It has a value every 0.5 mm from the clamp to the tip.
-
-    Attributes
-    ----------
-    part : str
-        Name of the part of the score that it decides.
     """
 
-    part: str
+    part: str  # name of the part of the score that it decides
 
     @abstractmethod
     def cost(self, target_length: float) -> float:

@@ -343,15 +343,7 @@ def log_dimensionless_jerk(cut: ScoredCut) -> float:
 
 
 def spectral_arc_length(speed: Array, rate: float) -> float:
-    """Compute a speed profile's SPARC at ``rate`` [Hz]; 0 is smoothest.
-
-    ``speed`` has shape (n,).
-
-    Raises
-    ------
-    Unavailable
-        If it does not move.
-    """
+    """Compute a speed profile's SPARC at ``rate`` [Hz]; 0 is smoothest."""
     n = int(2 ** (np.ceil(np.log2(len(speed))) + _PAD_LEVEL))
     frequency = np.arange(0, rate, rate / n)
     amplitude = np.abs(np.fft.fft(speed, n))
@@ -369,15 +361,7 @@ def spectral_arc_length(speed: Array, rate: float) -> float:
 
 
 def log_jerk(speed: Array, rate: float) -> float:
-    """Compute a speed profile's LDLJ at ``rate`` [Hz]; larger is smoother.
-
-    ``speed`` has shape (n,).
-
-    Raises
-    ------
-    Unavailable
-        If it does not move, or moves without any jerk.
-    """
+    """Compute a speed profile's LDLJ at ``rate`` [Hz]; larger is smoother."""
     peak = float(np.abs(speed).max())
     if peak == 0.0 or len(speed) < 4:
         raise Unavailable("the blade does not move")

@@ -87,18 +87,6 @@ def task_points(cut: ScoredCut, metrics: Mapping[str, float]) -> tuple[ScorePoin
     gentle with the tissue, in time. Where the target was missed, the points for the end count the less, the more the
     task charges for the way; a cut beyond a limit is charged for that as well. Each quantity is one that the task's
     reward charges.
-
-    Parameters
-    ----------
-    cut : ScoredCut
-        The cut.
-    metrics : mapping of str to float
-        Values of the metrics that are available.
-
-    Raises
-    ------
-    Unavailable
-        If the tip or the target is unknown.
     """
     end, length = float(cut.tip[cut.end]), cut.length
     off = tip_error(end, length)
@@ -157,20 +145,7 @@ _WORDS = {
 
 
 def charges(cut: ScoredCut, metrics: Mapping[str, float]) -> dict[str, float]:
-    """Return the task's charges for a cut's way, by :data:`CHARGED`.
-
-    Parameters
-    ----------
-    cut : ScoredCut
-        The cut.
-    metrics : mapping of str to float
-        Values of the metrics that are available.
-
-    Raises
-    ------
-    Unavailable
-        If the tip or the target is unknown.
-    """
+    """Return the task's charges for a cut's way, by :data:`CHARGED`."""
     runs, lasts = cut.jumps, cut.weights
     pressed = np.maximum(force_per_depth(cut.newtons, cut.depth) - FORCE_ALLOWED, 0.0)
     dragged = np.clip(lag(cut.position, cut.tip) - LAG_ALLOWED, 0.0, LAG_CHARGED)
@@ -202,11 +177,6 @@ def is_success(cut: ScoredCut) -> bool:
 
     Where a depth is wanted, the cut is as deep as wanted, and the layer below is not opened; where there is a line, the
     cut is near enough to it.
-
-    Raises
-    ------
-    Unavailable
-        If the tip or the target is unknown.
     """
     near = tip_error(float(cut.tip[cut.end]), cut.length) <= TIP_TOLERANCE
     upright = cut.trace.angle is None or abs(wedge(float(cut.angle[cut.end]), 1.0)) <= wedge(_LEAST_ANGLE, 1.0)
@@ -227,13 +197,7 @@ def _missed(cut: ScoredCut) -> str:
 
 
 def outcome_of(cut: ScoredCut, metrics: Mapping[str, float]) -> str:
-    """Return a cut's outcome in a few words.
-
-    Raises
-    ------
-    Unavailable
-        If the tip or the target is unknown.
-    """
+    """Return a cut's outcome in a few words."""
     off = 1e3 * (float(cut.tip[cut.end]) - cut.length)
     tolerance = 1e3 * TIP_TOLERANCE
     shown = abs(off) if abs(off) <= tolerance else max(abs(off), tolerance + 0.1)  # rounded, it does not look near
@@ -248,15 +212,7 @@ def outcome_of(cut: ScoredCut, metrics: Mapping[str, float]) -> str:
 
 
 def beyond_limit(cut: ScoredCut, metrics: Mapping[str, float]) -> str:
-    """Return the exceeded limit of the task in words.
-
-    "" if none was.
-
-    Raises
-    ------
-    Unavailable
-        If the tip or the target is unknown.
-    """
+    """Return the exceeded limit of the task in words; "" if none was."""
     too_far = float(cut.tip[: cut.end + 1].max()) - cut.length
     told = cut.trace.metadata.get("end")
     if too_far > OVERSHOOT_ALLOWED or told == "overshoot":

@@ -37,18 +37,7 @@ _RISEN, _FALLEN = (0.25, 0.05), (0.35, 0.2)  # the same for its change: a blade 
 
 
 def record_faults(readings: Readings) -> tuple[Fault, ...]:
-    """Check a record of force for all known faults.
-
-    Parameters
-    ----------
-    readings : Readings
-        Columns as the file states them; the more there are, the more is checked.
-
-    Returns
-    -------
-    tuple of Fault
-        In order of rows; empty for a sound record.
-    """
+    """Return all known faults in a record of force, in order of rows."""
     found = list(column_faults(readings))
     if found:  # what follows would be about numbers that are no newtons over seconds
         return _in_order([*found, *doubled_readings(readings)])

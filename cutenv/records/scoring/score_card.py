@@ -323,13 +323,7 @@ def _noted_line(trace: Trace) -> CutLine:
 
 
 def positions_along(line: CutLine, trace: Trace) -> Trace:
-    """Return a record with positions as lengths along a line.
-
-    Raises
-    ------
-    ValueError
-        If the record does not hold the places of the blade.
-    """
+    """Return a record with positions as lengths along a line."""
     x, y = trace.blade_x, trace.blade_y
     if x is None or y is None:
         raise ValueError(

@@ -56,21 +56,7 @@ _FEWEST_RAMPS = 3  # loading ramps needed for the cut's own modulus
 def modulus_of_ramps(trace: Trace, profile: DepthProfile, tissue: TissueDescription) -> float | None:
     """Return the material modulus [Pa] from three or more steady ramps.
 
-    With fewer ramps it is None.
-
-    Parameters
-    ----------
-    trace : Trace
-        Record with angle, and with the depth at the blade.
-    profile : DepthProfile
-        Depth of cut over position.
-    tissue : TissueDescription
-        Tissue whose model and friction are used.
-
-    Raises
-    ------
-    ValueError
-        If speed or angle of a ramp are outside the range measured for liver.
+    With fewer ramps it is None. The trace has the angle, and the depth at the blade.
     """
     found = estimate_local_effective_moduli(
         trace,
@@ -96,16 +82,9 @@ _FASTER = 3e-3  # [m/s], by which the estimated tip advances faster than the bla
 def runs_of(tip: Array, blade: Array, seconds: float) -> Array:
     """Return an estimated tip's runs by instant [m], shape (n - 1,).
 
-    Each run counts at its first instant. Where the tip goes on faster than the blade it runs, and the whole way is the
-    run: a slow or smoothed record spreads it over several instants. Runs that gain less than 1.5 mm on the blade are
-    left out.
-
-    Parameters
-    ----------
-    tip, blade : array of shape (n,)
-        Positions of tip and blade [m], evenly in time.
-    seconds : float
-        Time between two instants [s].
+    Tip and blade [m] are evenly in time, `seconds` between two. Each run counts at its first instant. Where the tip
+    goes on faster than the blade it runs, and the whole way is the run: a slow or smoothed record spreads it over
+    several instants. Runs that gain less than 1.5 mm on the blade are left out.
     """
     advance = np.diff(tip)
     gained = advance - np.maximum(np.diff(blade), 0.0)

@@ -197,16 +197,9 @@ def levelled(even: Array) -> str:
 
 
 def never_loaded(smooth: Array, even: Array, advancing: NDArray[np.bool_]) -> str:
-    """Return why an advancing blade cuts nothing, or "".
+    """Return why an advancing blade cuts nothing, or "" if it cuts.
 
-    "" if it cuts.
-
-    Parameters
-    ----------
-    smooth, even : array of shape (m,)
-        Force at 100 Hz [N], below 5 Hz, and means over 10 ms.
-    advancing : array of bool of shape (m,)
-        Mask of the instants at which the blade advances.
+    The force [N] is at 100 Hz, below 5 Hz (`smooth`), and as means over 10 ms (`even`).
     """
     noise = Readings(time=np.arange(len(even)) / RATE, force=even).noise
     rises = float(np.percentile(smooth[advancing], 95.0) - np.percentile(smooth, 2.0))
@@ -226,12 +219,7 @@ def noted_ahead(tip: float, position: Array) -> str:
 def implausible_work(ratio: float, tip: float) -> str:
     """Return why work shows a force not in newtons, or "".
 
-    Parameters
-    ----------
-    ratio : float
-        Work over the fracture energy of the mean tissue.
-    tip : float
-        Where the crack tip ended [m].
+    `ratio` is the work over the fracture energy of the mean tissue, `tip` where the crack tip ended [m].
     """
     if tip < _CUT or _LEAST_WORK <= ratio <= _MOST_WORK:
         return ""
@@ -289,13 +277,7 @@ _AT_ENDS = 5  # samples at 100 Hz averaged at either end
 
 
 def even_instants(time: Array, rate: float) -> Array:
-    """Return instants at ``rate`` [Hz] from ``time``'s first [s].
-
-    Raises
-    ------
-    Unavailable
-        If the time is longer than an hour.
-    """
+    """Return instants at ``rate`` [Hz] from ``time``'s first [s]."""
     span = float(time[-1] - time[0])
     if span > LONGEST_RECORD:
         raise Unavailable(f"it lasts {span:.3g} s, more than an hour")
@@ -304,13 +286,7 @@ def even_instants(time: Array, rate: float) -> Array:
 
 
 def even_centres(time: Array) -> Array:
-    """Return centres of 10 ms windows within ``time`` [s], shape (m,).
-
-    Raises
-    ------
-    Unavailable
-        If the time is longer than an hour.
-    """
+    """Return centres of 10 ms windows within ``time`` [s], shape (m,)."""
     return even_instants(time, RATE)[:-1] + 0.5 / RATE
 
 
@@ -318,11 +294,6 @@ def even_means(trace: Trace) -> Array:
     """Return the force at 100 Hz by 10 ms means, shape (m,).
 
     The means are in the trace's unit, at :func:`even_centres`.
-
-    Raises
-    ------
-    Unavailable
-        If the record is too short, too long, or has too few readings a second.
     """
     if trace.sample_rate < _FEWEST_HZ:
         raise Unavailable(f"fewer than {_FEWEST_HZ:g} readings a second")
@@ -345,11 +316,6 @@ def under_force(time: Array, even_time: Array, smooth: Array) -> NDArray[np.bool
     """Return a mask of ``time`` [s] from first to last force, (n,).
 
     ``smooth`` is the force at ``even_time`` [s], both of shape (m,), in any unit.
-
-    Raises
-    ------
-    Unavailable
-        If the force never rises.
     """
     least = float(min(smooth[:_AT_ENDS].mean(), smooth[-_AT_ENDS:].mean()))
     under = even_time[smooth > least + _UNDER_FORCE * (float(smooth.max()) - least)]
@@ -399,12 +365,7 @@ class Lurches(NamedTuple):
 def lurches_of(trace: Trace, position: Array, even: Array) -> Lurches:
     """Return the blade's motion at sudden falls of force.
 
-    Parameters
-    ----------
-    trace : Trace
-        The record, with position.
-    position, even : array of shape (m,)
-        Position of the blade [m] and means of the force over 10 ms [N], both at 100 Hz.
+    Position [m] and means of the force over 10 ms [N] are at 100 Hz.
     """
     speed = RATE * np.diff(position, append=position[-1])
     fall = np.zeros(len(even))

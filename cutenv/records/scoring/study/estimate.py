@@ -78,11 +78,6 @@ def series_of(name: str, series: Sequence[ArrayLike], *, fewest: int, people: in
     """Return a checked array for each person.
 
     At least ``people`` are needed, each with at least ``fewest`` finite values.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If one is invalid; the message names the person by index, the value and the cure.
     """
     columns = tuple(array_in_range(f"{name}[{i}]", each, -_LARGEST, _LARGEST, "1") for i, each in enumerate(series))
     if len(columns) < people:
@@ -94,13 +89,7 @@ def series_of(name: str, series: Sequence[ArrayLike], *, fewest: int, people: in
 
 
 def values_of(name: str, values: ArrayLike, *, fewest: int) -> Array:
-    """Return at least ``fewest`` finite values as array, shape (n,).
-
-    Raises
-    ------
-    TypeError, ValueError
-        If it is invalid; the message names the field, the value and the cure.
-    """
+    """Return at least ``fewest`` finite values as array, shape (n,)."""
     array = array_in_range(name, values, -_LARGEST, _LARGEST, "1")
     if array.ndim != 1 or len(array) < fewest:
         raise ValueError(f"{name} has shape {array.shape}; give {fewest} values or more, shape (n,).")
@@ -123,21 +112,8 @@ _TOO_MANY = 0.5  # share of resamples without a value from which there is no int
 def over_people(value: float, replicates: Array, people: int) -> Estimate:
     """Return a value with its interval from resamples.
 
-    Parameters
-    ----------
-    value : float
-        Value of the people themselves.
-    replicates : ndarray of shape (n,)
-        Values of the resamples; NaN where a resample has none.
-    people : int
-        Number of people; of two groups, that of the smaller one.
+    A resample without a value is NaN; `people` is their number, of two groups that of the smaller one.
 
-    Returns
-    -------
-    Estimate
-
-    Notes
-    -----
     Expanded percentile interval of Hesterberg, The American Statistician 69 (2015) 371-386, section 5.3, doi
     10.1080/00031305.2015.1089789: the plain percentiles are too narrow for few people, so the tails are moved out by
     Student's t and by sqrt(n/(n - 1)). How often it holds the truth is printed by

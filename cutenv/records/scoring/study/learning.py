@@ -227,27 +227,13 @@ _STEADY = "keep the pull steady: advance evenly, without jerks"
 
 @dataclass(frozen=True, kw_only=True)
 class NextTry:
-    """One thing to try next.
+    """One thing to try next."""
 
-    Attributes
-    ----------
-    part : str
-        Part of the overall score that costs points, or "target" for those that the target gives.
-    points, most : float
-        Mean points of the last cuts, and points of the best cut.
-    seen : str
-        What was seen, in the last cut with that fault; "" if no single fault explains the loss.
-    cuts : int
-        Number of the last cuts in which it was seen.
-    advice : str
-        What to try.
-    """
-
-    part: str
-    points: float
+    part: str  # part of the overall score that costs points, or "target" for those that the target gives
+    points: float  # mean points of the last cuts, and points of the best cut
     most: float
-    seen: str
-    cuts: int
+    seen: str  # what was seen, in the last cut with that fault; "" if no single fault explains the loss
+    cuts: int  # number of the last cuts in which it was seen
     advice: str
 
 
@@ -262,17 +248,9 @@ def mean_points(cards: Sequence[ScoreCard]) -> dict[str, tuple[float, float]]:
 
 
 def next_tries(cards: Sequence[ScoreCard]) -> tuple[NextTry, ...]:
-    """Return advice on the costliest parts of a person's last cuts.
+    """Return up to three pieces of advice on the costliest parts of last cuts.
 
-    Parameters
-    ----------
-    cards : sequence of ScoreCard
-        Cards of the person's cuts, in their order.
-
-    Returns
-    -------
-    tuple of NextTry
-        Up to three, each advice once.
+    The cards are of one person's cuts, in their order.
     """
     last = [card for card in cards if card.overall_score is not None][-RECENT:]
     by_part = mean_points(last)

@@ -670,13 +670,7 @@ def check_metrics(names: Sequence[str]) -> None:
 
 
 def other_group(groups: Sequence[str], passing: str | None, failing: str | None) -> str | None:
-    """Return the non-passing group, named or the other of two.
-
-    Raises
-    ------
-    ValueError
-        If a name is not among the groups, or it is not clear which group is meant.
-    """
+    """Return the non-passing group, named or the other of two."""
     known = tuple(dict.fromkeys(group for group in groups if group))
     if not known and passing is None and failing is None:
         return None

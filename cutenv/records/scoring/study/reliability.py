@@ -365,18 +365,10 @@ def rater_correlation(
 
 
 def mean_mark(marks: ArrayLike) -> Array:
-    """Return mean marks over raters with different scales.
+    """Return mean marks over raters with different scales, shape (n,).
 
-    Parameters
-    ----------
-    marks : array_like of shape (n, k)
-        Marks of n cuts by k raters; NaN where a rater gave none.
-
-    Returns
-    -------
-    ndarray of shape (n,)
-        Mean over the raters of a cut, each rater's marks taken as deviations from that rater's mean in standard
-        deviations; NaN where nobody rated. Raters who gave every cut the same mark do not count.
+    Of n cuts by k raters; NaN where a rater gave none. Each rater's marks are taken as deviations from that rater's
+    mean in standard deviations; NaN where nobody rated. Raters who gave every cut the same mark do not count.
     """
     table = np.asarray(marks, np.float64)
     known = np.isfinite(table)

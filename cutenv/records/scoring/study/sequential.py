@@ -42,24 +42,12 @@ _CAUTION = 0.2  # added to the sum of squares below the coefficient: as of some 
 
 @dataclass(frozen=True, kw_only=True)
 class SequentialQuestion:
-    """Question that a comparison is to answer.
+    """Question that a comparison is to answer."""
 
-    Attributes
-    ----------
-    error : float
-        Bound on the probability of any wrong decision, whenever one looks.
-    smallest : float
-        Smallest difference that matters: closer to zero, both are equivalent.
-    most : int
-        Largest number of pairs.
-    reach : float
-        Largest size of a difference.
-    """
-
-    error: float = 0.05
-    smallest: float = 0.05
+    error: float = 0.05  # bound on the probability of any wrong decision, whenever one looks
+    smallest: float = 0.05  # smallest difference that matters: closer to zero, both are equivalent
     most: int = 400
-    reach: float = 1.0
+    reach: float = 1.0  # largest size of a difference
 
     def __post_init__(self) -> None:
         in_range("reach", self.reach, 1e-9, 1e9, "1", "Give the largest size of a difference.")
@@ -76,19 +64,8 @@ class SequentialQuestion:
 def log_wealth(differences: Array, mean: float, reach: float | Array) -> Array:
     """Return log wealth by pair against a mean of at most ``mean``.
 
-    Parameters
-    ----------
-    differences : ndarray of shape (..., n)
-        Differences, one after another, of one study or several; against a mean that is at *least* m give ``-d`` and
-        ``-m``.
-    mean : float
-        The mean, above -``reach``.
-    reach : float or ndarray of shape (..., n)
-        Largest size of each difference, as is known before it.
-
-    Returns
-    -------
-    ndarray of shape (..., n)
+    The differences, shape (..., n), are one after another, of one study or several; against a mean that is at *least* m
+    give ``-d`` and ``-m``. ``mean`` is above -``reach``, the largest size of each difference, as is known before it.
     """
     gains = (differences - mean) / (reach + mean)
     wealth: Array = np.full(gains.shape, -np.inf)
@@ -166,16 +143,9 @@ def corrected(differences: Array, covariates: Array) -> tuple[Array, Array]:
     that went before, whatever the forecast is worth, and so the mean of a difference stays what it was: a bad forecast
     costs pairs, never validity.
 
-    Parameters
-    ----------
-    differences, covariates : ndarray of shape (..., n)
-        Of every pair, one after another; a covariate that is not known is 0.
-
-    Returns
-    -------
-    tuple of ndarray, each of shape (..., n)
-        Corrected differences, and the size of each correction, at most :data:`MAX_CORRECTION`: by that much farther a
-        difference can reach, so that less is staked on it. Where a mean drifts, such pairs count for less in it.
+    All have shape (..., n), every pair one after another; a covariate that is not known is 0. The room is the size of
+    each correction, at most :data:`MAX_CORRECTION`: by that much farther a difference can reach, so that less is staked
+    on it. Where a mean drifts, such pairs count for less in it.
     """
 
     def before(values: Array) -> Array:
@@ -188,25 +158,14 @@ def corrected(differences: Array, covariates: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, kw_only=True)
 class PlannedPairs:
-    """Number of pairs for a question, by simulated studies.
+    """Number of pairs for a question, by simulated studies."""
 
-    Attributes
-    ----------
-    median, low, high : float
-        Median of the pairs to a decision, and its 95 % interval, by the choice of the pilot pairs.
-    nine_in_ten : float
-        Pairs within which nine in ten studies end.
-    chances : dict of str to float
-        Probability of each decision.
-    fixed : int
-        Pairs of a fixed design with a t test, planned to find ``smallest`` with the same error and a power of 0.9.
-    """
-
-    median: float
+    median: float  # median of the pairs to a decision, and its 95 % interval, by the choice of the pilot pairs
     low: float
     high: float
-    nine_in_ten: float
-    chances: dict[str, float]
+    nine_in_ten: float  # pairs within which nine in ten studies end
+    chances: dict[str, float]  # probability of each decision
+    # pairs of a fixed design with a t test, planned to find ``smallest`` with the same error and a power of 0.9
     fixed: int
 
 
@@ -224,16 +183,8 @@ def fixed_design(sd: float, question: SequentialQuestion, power: float = 0.9) ->
 def planned_pairs(pilot: Array, question: SequentialQuestion, *, seed: int = 0, studies: int = 400) -> PlannedPairs:
     """Return how many pairs a question needs, by a pilot.
 
-    Parameters
-    ----------
-    pilot : ndarray of shape (n,)
-        Differences of some pairs, 20 or more, such as simulated ones.
-    question : SequentialQuestion
-        What is asked.
-    seed : int
-        Seed of the resampling.
-    studies : int
-        Number of simulated studies, of which each draws its pairs from one resample of the pilot in twenty.
+    The pilot are the differences of 20 pairs or more, such as simulated ones. Each of the simulated studies draws its
+    pairs from one resample of the pilot in twenty.
     """
     in_range("pilot pairs", len(pilot), 20, 1_000_000, "1", "Simulate 20 or more.")
     rng = np.random.default_rng(seed)

@@ -114,20 +114,11 @@ class Findings:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StudiedPeople:
-    """Scored cuts of several people.
+    """Scored cuts of several people."""
 
-    Attributes
-    ----------
-    name : str
-        Name for pages.
-    cuts : sequence of StudiedCut
-        The cuts, each operator's in the order in which they were made.
-    left : mapping of str to sequence of int
-        Cuts that were begun and left, by operator: how many of the operator's finished cuts stand before each of them.
-    """
-
-    name: str
-    cuts: Sequence[StudiedCut]
+    name: str  # name for pages
+    cuts: Sequence[StudiedCut]  # the cuts, each operator's in the order in which they were made
+    # cuts that were begun and left, by operator: how many of the operator's finished cuts stand before each of them
     left: Mapping[str, Sequence[int]] = field(default_factory=dict)
 
     @property
@@ -158,10 +149,7 @@ class StudiedPeople:
     def _values(self, metric: str, notes: list[str], *, named: bool) -> Array | None:
         """Return a metric by cut, NaN where missing, or None.
 
-        Raises
-        ------
-        ValueError
-            If no cut has a metric that was ``named``.
+        None is a ValueError for a metric that was ``named``.
         """
         scored = [value_of(cut.card, metric) for cut in self.cuts]
         silent = [reason for value, reason in scored if value is None]
