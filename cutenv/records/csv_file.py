@@ -121,10 +121,7 @@ def read(path: Path) -> list[CutTable]:
 def read_metadata(path: Path) -> dict[str, Any]:
     """Return the metadata shared by a file's cuts, {} without.
 
-    Raises
-    ------
-    ValueError
-        If the lines above the rows are damaged; the message names file and line.
+    Damaged lines above the rows are a ValueError, which names file and line.
     """
     try:
         with path.open(encoding=_ENCODING) as file:

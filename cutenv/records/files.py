@@ -42,8 +42,6 @@ def save(traces: Trace | Iterable[Trace], path: str | os.PathLike[str]) -> None:
 
     Parameters
     ----------
-    traces : Trace, or iterable of Trace
-        At least one.
     path : path
         Its suffix is the format: ``.csv``, ``.parquet``, ``.h5``, ``.hdf5`` or ``.mcap``.
 
@@ -143,15 +141,7 @@ def tables_in(path: Path) -> list[CutTable]:
 
 
 def load_one(path: str | os.PathLike[str], *, force: str | None = None) -> Trace:
-    """Read the cut of a file that holds one.
-
-    Parameters and errors as in :func:`load`.
-
-    Raises
-    ------
-    RecordError
-        Also if the file holds several cuts.
-    """
+    """Read the cut of a file that holds one; parameters and errors as in :func:`load`."""
     traces = load(path, force=force)
     if len(traces) != 1:
         raise RecordError(path, f"it holds {len(traces)} cuts. Read them with load() and choose one.")

@@ -40,8 +40,6 @@ class Imported:
 
     Attributes
     ----------
-    path : Path
-        Path of the file.
     mapping : ColumnMap or None
         Mapping through which it was read; ``imported.mapping.save(folder)`` keeps it for the next file. None: not
         needed.
@@ -112,15 +110,6 @@ def read_record(
     A file whose headers name quantity and unit (:func:`cutenv.records.load`) needs no mapping; its cuts are used as
     they are. Any other text file, and a bag of ROS, is read by :func:`load_foreign`, through `mapping` or the one saved
     beside it.
-
-    Parameters
-    ----------
-    path : path
-        Path of the record.
-    mapping : ColumnMap, optional
-        Mapping of its columns.
-    search : CutSearch or None
-        As in :func:`load_foreign`.
 
     Returns
     -------
@@ -207,10 +196,6 @@ def load_foreign(
         Mapping of its columns; by default the one saved beside the file.
     search : CutSearch or None
         Criteria for cuts. None: neither tare nor split, each record is one trace.
-
-    Returns
-    -------
-    Imported
 
     Raises
     ------

@@ -39,16 +39,12 @@ class TissueHandling:
     ----------
     hours_post_mortem : float, optional
         Time from death to the cut [h], 0 to 1000.
-    storage : str, optional
-        How it was kept, such as "saline, 4 degrees".
     temperature_C : float, optional
         Temperature at the cut, -5 to 60.
     preconditioning_cycles : int, optional
         Loading cycles before the cut, 0 for none.
     capsule : {"kept", "removed"}, optional
         The organ's capsule.
-    fixation : str, optional
-        How it was held, such as "nails at the clamp".
 
     Raises
     ------
@@ -92,8 +88,6 @@ class Provenance:
         True if the operator agreed to the record's use.
     calibration : mapping, optional
         Calibration of the sensor, in JSON's types: ``{"gain_N_per_V": 4.98, "offset_N": 0.02}``.
-    handling : TissueHandling, optional
-        What was done with the tissue.
 
     Raises
     ------
@@ -147,13 +141,7 @@ class Provenance:
 
     @classmethod
     def from_metadata(cls, metadata: Mapping[str, Any]) -> Provenance:
-        """Make the provenance from its parts of a trace's metadata.
-
-        Raises
-        ------
-        TypeError, ValueError
-            As for the fields themselves.
-        """
+        """Make the provenance from its parts of a trace's metadata."""
         known = {part.name: metadata[part.name] for part in fields(cls) if part.name in metadata}
         if isinstance(known.get("handling"), Mapping):
             for name in known["handling"]:
@@ -231,8 +219,6 @@ class OperatorRow:
     order : float
         Number of the cut among all of its operator's, over all sessions; the row's place if the table has no such
         column.
-    line : int
-        Line in the file, from 1.
     marks : mapping of str to float
         Mark of the record by each rater who gave one.
     """

@@ -103,21 +103,7 @@ _BEGINNINGS = {
 class RecordError(ValueError):
     """Error for a damaged file, or one without a record.
 
-    It names the file, the place, the reason and the cure.
-
-    Parameters
-    ----------
-    path : path
-        Path of the file.
-    reason : str
-        Place, reason and cure, in the reader's words.
-
-    Attributes
-    ----------
-    path : Path
-        Path of the file.
-    reason : str
-        Reason as given.
+    Its `reason` has place, reason and cure, in the reader's words.
     """
 
     def __init__(self, path: str | os.PathLike[str], reason: str) -> None:
@@ -260,17 +246,8 @@ def parse_length(name: str, text: str) -> float:
 def header_of(field: str, force_unit: str = "N") -> str:
     """Return a field's column name, in SI without loss.
 
-    Parameters
-    ----------
-    field : str
-        Field of a :class:`cutenv.sim.trace.Trace`, time and force among them.
-    force_unit : {"N", "1"}
-        Unit of the trace's force.
-
-    Raises
-    ------
-    ValueError
-        If there is no such field or unit.
+    The field is one of a :class:`cutenv.sim.trace.Trace`, time and force among them, whose unit is "N" or "1"; another
+    one is a ValueError.
     """
     if field not in UNITS and field not in CHANNELS:
         raise ValueError(f"{field!r} is no field of a trace; its fields are {', '.join((*UNITS, *CHANNELS))}.")

@@ -55,8 +55,6 @@ class ColumnMap:
 
     Parameters
     ----------
-    time : str, optional
-        Needed, unless `rate` is given.
     force : str
         Force along the cut, positive against forward motion. A norm has no sign: on a way back friction would count as
         resistance.
@@ -112,13 +110,7 @@ class ColumnMap:
         return tuple(field for field in UNITS if getattr(self, field) is not None)
 
     def expression(self, field: str) -> Expression:
-        """Return the expression of a field.
-
-        Raises
-        ------
-        ValueError
-            If the field is not mapped.
-        """
+        """Return the expression of a field; one that is not mapped is a ValueError."""
         text = getattr(self, one_of("field", field, UNITS))
         if text is None:
             raise ValueError(f"{field} is not mapped; mapped are {', '.join(self.fields)}.")
@@ -131,17 +123,8 @@ class ColumnMap:
     def parse(cls, items: Iterable[str], *, unit: str | None = None) -> ColumnMap:
         """Parse a mapping from the command line.
 
-        Parameters
-        ----------
-        items : iterable of str
-            ``field=expression`` each; also ``rate=1000Hz`` (or kHz) and ``split_by=trial,cut``.
-        unit : str, optional
-            Unit of the force.
-
-        Raises
-        ------
-        ValueError
-            If an item is invalid, names no field or a field twice, or as in :class:`ColumnMap`.
+        The items are ``field=expression`` each; also ``rate=1000Hz`` (or kHz) and ``split_by=trial,cut``. One that is
+        invalid, names no field or a field twice is a ValueError, or as in :class:`ColumnMap`.
         """
         given: dict[str, str] = {}
         for item in items:
@@ -175,10 +158,7 @@ class ColumnMap:
     def from_json(cls, text: str) -> ColumnMap:
         """Parse the text of :meth:`to_json`.
 
-        Raises
-        ------
-        ValueError
-            For another schema, an unknown or a missing field, or as in :class:`ColumnMap`.
+        Another schema, an unknown or a missing field is a ValueError, or as in :class:`ColumnMap`.
         """
         content = checked_fields(text, MAP_SCHEMA, {field.name for field in dataclasses.fields(cls)})
         for name, value in content.items():
@@ -199,12 +179,7 @@ class ColumnMap:
     def load(cls, path: str | os.PathLike[str]) -> ColumnMap:
         """Read a saved mapping from its file or folder.
 
-        Raises
-        ------
-        FileNotFoundError
-            If the file does not exist.
-        RecordError
-            If it was not written by :meth:`save`.
+        A file not written by :meth:`save` is a RecordError.
         """
         path = Path(path)
         path = path / MAP_FILE if path.is_dir() else path

@@ -200,12 +200,8 @@ def calibrate(
         both 45 and 90 degrees for the dependence of the modulus on them. Other numbers are pig liver's, with a note.
     model : CutModel, optional
         Model to which the moduli shall belong; default the thesis's, with the default mesh.
-    name : str
-        Name of the tissue.
     resamples : int
         Number of bootstrap resamples of the cuts for the 95 % intervals, 0 to 100000; 0: no intervals.
-    seed : int
-        Seed of the bootstrap.
     progress : callable, optional
         Wraps the sequence of records while they are measured, as ``tqdm`` does.
     boundary, capsule_thickness : float, optional

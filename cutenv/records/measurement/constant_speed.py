@@ -34,8 +34,6 @@ class SpeedTracking:
         the blade moves, and NaN, unknown, after the steady part.
     speed : float
         Desired speed [m/s].
-    steady : slice
-        Steady part.
     mean, rms_error, worst_error : float
         Of the steady part: mean actual speed [m/s], root mean square and greatest absolute deviation from the desired
         speed [m/s].

@@ -55,10 +55,7 @@ class DepthProfile:
     def recorded(cls, trace: Trace, *, by: str) -> DepthProfile:
         """Return the depth where the blade first passed.
 
-        Raises
-        ------
-        ValueError
-            If the trace lacks depth or position; ``by`` names the function that needs them.
+        Without depth or position it is a ValueError that names the function `by` which needs them.
         """
         position, depth = trace.require("position", "depth", by=by)
         new_ground = np.concatenate(([True], np.diff(np.maximum.accumulate(position)) > 0.0))

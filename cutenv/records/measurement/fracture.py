@@ -103,10 +103,6 @@ def estimate_fracture_resistance(
         r [1], 0.01 to 1, for other tissue, or a function of speed [m/s] and angle [rad]. By default that of
         pig liver at the last segment's speed and angle.
 
-    Returns
-    -------
-    FractureEstimate
-
     Raises
     ------
     ValueError

@@ -85,8 +85,6 @@ def estimate_initiation(
     ----------
     trace : Trace
         Record with position and depth, and angle unless `loading_ratio` is given; force in newtons.
-    model : CutModel
-        Model for the change of stiffness along a ramp; any will do.
     friction_per_depth : float, optional
         phi [N/m]; by default from :func:`~cutenv.records.measurement.estimate_fracture_resistance`.
     loading_ratio : float or callable, optional
@@ -117,12 +115,8 @@ def estimate_initiation(
 def initiation_excess(estimates: Iterable[InitiationEstimate]) -> float:
     """Return eta90 of eta = eta90 sin(theta)^2 from cuts' units.
 
-    Sums are taken before the ratio, so that short units, whose energy is less certain, have less weight.
-
-    Raises
-    ------
-    ValueError
-        If there is no unit at all.
+    Sums are taken before the ratio, so that short units, whose energy is less certain, have less weight. No unit at all
+    is a ValueError.
     """
     force = energy = weighted = 0.0
     for each in estimates:

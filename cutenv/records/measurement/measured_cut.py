@@ -41,8 +41,6 @@ class MeasuredCut:
     ----------
     trace : Trace
         The record, its force less the sensor's zero.
-    name : str
-        Name of the cut in messages.
     specimen : str
         Name of the piece of tissue; "" if the record does not give it.
     speed, angle : float
@@ -139,16 +137,8 @@ def measure_cut(
     ----------
     trace : Trace
         With position, angle and depth; force in newtons.
-    model : CutModel
-        Model to which the moduli shall belong.
     ratio : callable, optional
         Loading ratio r of a speed [m/s] and an angle [rad]; default that of pig liver.
-    name : str
-        Name of the cut in messages.
-
-    Returns
-    -------
-    MeasuredCut
 
     Raises
     ------

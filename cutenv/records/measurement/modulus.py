@@ -40,8 +40,6 @@ class ModulusEstimate:
         (`cutenv.sim.tissue.local_effective_modulus`).
     segments : list of Segment
         The ramps from which it was found, of the force less friction.
-    friction_per_depth : float
-        Friction that was subtracted [N/m].
     flags : tuple of str
         Remarks on what weakens the estimate; empty if nothing does.
     """
@@ -175,10 +173,6 @@ def estimate_local_effective_moduli(
         r [1], 0 to 1, for other tissue, or a function of speed [m/s] and angle [rad]. By default that of pig liver
         at each segment's speed and angle. With 0 the blade counts as the tip, as in the thesis; the moduli are then
         several per cent too high.
-    smallest_drop : float, optional
-        Same as in `loading_segments` [N].
-    smoothing_readings : int, optional
-        Same as in `loading_segments`.
 
     Returns
     -------

@@ -26,12 +26,8 @@ class LeftOutCut:
 
     Attributes
     ----------
-    name, specimen : str
-        Names of the cut and of the piece of tissue.
     speed, angle : float
         Speed [m/s] and angle [rad].
-    segments : int
-        Number of ramps compared.
     peak_force : float
         Largest measured force on them [N].
     modulus : float
@@ -96,13 +92,6 @@ def leave_one_out(cuts: Sequence[MeasuredCut], model: CutModel) -> list[LeftOutC
 
     A specimen's factor is the stiffness of its cuts relative to the fit over speed and angle. Both are found together,
     so that it does not matter which specimen was cut at which speed, and without the cut that is predicted.
-
-    Parameters
-    ----------
-    cuts : sequence of MeasuredCut
-        Cuts from :func:`~cutenv.records.measurement.measure_cuts`.
-    model : CutModel
-        Model with which they were measured.
 
     Returns
     -------

@@ -126,24 +126,9 @@ class Segment:
         )
 
     def require(self, *names: _Along, by: str) -> tuple[float, ...]:
-        """Return properties along the cut; raise if one is missing.
+        """Return properties along the cut, in the order of the names, in SI.
 
-        Parameters
-        ----------
-        *names : str
-            Names among "position", "displacement", "slope", "speed", "speed_change".
-        by : str
-            Name of the function that needs them, for the message.
-
-        Returns
-        -------
-        tuple of float
-            In the order of the names, in SI.
-
-        Raises
-        ------
-        ValueError
-            If one is None.
+        One that is None is a ValueError, which names the function `by` that needs them.
         """
         values = tuple(getattr(self, name) for name in names)
         missing = [name for name, value in zip(names, values, strict=True) if value is None]

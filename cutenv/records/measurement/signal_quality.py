@@ -67,8 +67,6 @@ class QualityIssue:
         "short", "constant", "stuck", "clipping", "gap", "clock", "reversed" or "speed".
     rows : tuple of int
         First and last instant of the trace that show it, counted from 0.
-    message : str
-        Description, position and cure.
     refuse : bool
         True if numbers from the record would be wrong; False for a mere warning.
     """
@@ -81,11 +79,6 @@ class QualityIssue:
 
 def quality_issues(trace: Trace) -> tuple[QualityIssue, ...]:
     """Check the signal quality of a record.
-
-    Parameters
-    ----------
-    trace : Trace
-        Any record; fields that it lacks are not checked.
 
     Returns
     -------

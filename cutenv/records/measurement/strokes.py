@@ -150,8 +150,6 @@ def fit_return_stroke(trace: Trace, depth: DepthProfile, *, with_offset: bool = 
     ----------
     trace : Trace
         With position; force in any unit.
-    depth : DepthProfile
-        Depth of the cut.
     with_offset : bool
         True: c is the offset of a sensor whose zero is not known. False: c = 0.
 

@@ -88,10 +88,6 @@ def fit_wear(
     specimen : sequence of str, optional
         Piece of tissue of each cut; default one for all, so that the spread between pieces is noise.
 
-    Returns
-    -------
-    WearEstimate
-
     Raises
     ------
     ValueError
@@ -153,12 +149,8 @@ def blade_wear(cuts: Sequence[MeasuredCut]) -> WearEstimate:
 
     The length that a blade had cut before is the record's metadata, :data:`USED_KEY`; where no record has it, the cuts
     of a blade (:data:`BLADE_KEY`) count one after the other, from a new blade. Specimens that are named have a level of
-    their own where each has two cuts or more.
-
-    Raises
-    ------
-    ValueError
-        If some records tell the length and others do not, or the cuts are too few; see :func:`fit_wear`.
+    their own where each has two cuts or more. It is a ValueError if some records tell the length and others do not, or
+    the cuts are too few; see :func:`fit_wear`.
     """
     used = used_before([cut.trace for cut in cuts], [cut.fracture.cut_length for cut in cuts])
     middle = [before + 0.5 * cut.fracture.cut_length for before, cut in zip(used, cuts, strict=True)]

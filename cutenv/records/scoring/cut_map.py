@@ -156,8 +156,6 @@ class PathMap(CutMap):
 
     Attributes
     ----------
-    line : CutLine
-        Line to cut along.
     aside : array, shape (n,)
         Distance of the cut to the left of the line [m].
     """

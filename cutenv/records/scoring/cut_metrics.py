@@ -64,8 +64,6 @@ class Metric:
         Required fields of the trace beside time and force, and "newtons", "target_length", "tip".
     invariances : tuple of str
         Names in :data:`INVARIANCES`.
-    function : callable
-        Function from a :class:`~cutenv.records.scoring.scored_cut.ScoredCut` to a float; raises :class:`Unavailable`.
     """
 
     name: str

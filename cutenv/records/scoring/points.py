@@ -66,12 +66,8 @@ class ScorePoints:
 
     Attributes
     ----------
-    part : str
-        Name of the part, or of the metric.
     points, most : float
         Points of this cut, and of the best.
-    reason : str
-        What they are given for, in words for people.
     """
 
     part: str

@@ -37,12 +37,8 @@ class ReferenceSet:
 
     Attributes
     ----------
-    name : str
-        Name of the set on score cards.
     about : str
         Origin: who cut what, in a sentence.
-    force_unit : str
-        "N" or "1".
     groups : tuple of str, length n
         Group that made each cut.
     values : mapping of str to ndarray of shape (n,)

@@ -71,10 +71,6 @@ class ScoreCard:
 
     Attributes
     ----------
-    name : str
-        Name of the cut.
-    force_unit : str
-        "N" or "1".
     metrics : mapping of str to Scored
         All of :data:`~cutenv.records.scoring.METRICS`, in their order; then those of the depth, where the record tells
         it.
@@ -91,10 +87,6 @@ class ScoreCard:
         Reason why there is no overall score; "" if there is one.
     reference : str
         Name and origin of the reference set; "" if there was none.
-    faults : tuple of Fault
-        Faults in order of time.
-    notes : tuple of str
-        Assumptions and warnings.
     scripts : tuple of ScriptScore
         What scripts got on this very specimen, for its difficulty; empty if that is unknown.
     depth_map : DepthMap or None
@@ -132,14 +124,9 @@ class ScoreCard:
         return f"1{unit}" if unit.startswith("/") else unit or "1"
 
     def readable(self, name: str) -> tuple[str, str]:
-        """Return a metric's value and unit for people.
+        """Return an available metric's value and unit for people.
 
         Lengths are in mm, areas in mm2; a pure number has no unit.
-
-        Raises
-        ------
-        ValueError
-            If the metric is unavailable.
         """
         value, unit = self[name], self.unit(name)
         if unit == "m":
@@ -241,8 +228,6 @@ def score(
         Set within which percentiles are computed. A record without tip or target has no overall score without one.
     tissue : TissueDescription, optional
         Tissue with which the tip is estimated; default pig liver.
-    name : str, optional
-        Name of the cut; default from the metadata.
     wanted : DepthProfile, optional
         Wanted depth of the cut below the surface, see :func:`cutenv.records.measurement.depth.wanted_depth`; default
         ``trace.metadata["wanted_depth_m"]`` if there.
@@ -252,10 +237,6 @@ def score(
     line : CutLine, optional
         Line to cut along, of a record with the places of the blade, whose positions are then told along it; default
         through ``trace.metadata["line_m"]`` if there.
-
-    Returns
-    -------
-    ScoreCard
 
     Raises
     ------

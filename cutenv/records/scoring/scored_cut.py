@@ -103,20 +103,14 @@ class ScoredCut:
 
     Parameters
     ----------
-    trace : Trace
-        The record.
     target_length : float, optional
         Length aimed at, from the clamp [m].
     truth : Truth, optional
         Hidden state of a simulated cut; without it the tip is estimated.
     tissue : TissueDescription, optional
         Tissue with which the tip is estimated if there is no return stroke; default pig liver.
-    wanted : DepthProfile, optional
-        Wanted depth of the floor below the surface, along the cut.
     layer_depth : float, optional
         Depth below the surface at which another layer begins [m], 0.0005 to 0.1.
-    line : CutLine, optional
-        Line to cut along, of a record with the places of the blade.
     """
 
     trace: Trace
@@ -264,10 +258,7 @@ class ScoredCut:
     def no_mark(self, work: float | None) -> str:
         """Return why a record with known tip has no score, or "".
 
-        Parameters
-        ----------
-        work : float, optional
-            Work over the fracture energy, if it is known.
+        `work` is that over the fracture energy, if it is known.
         """
         if self.truth is not None:
             return ""

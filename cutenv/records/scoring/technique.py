@@ -50,14 +50,6 @@ class TechniqueFault:
     ----------
     kind : str
         "lurch", "haste", "force", "overshoot", "short", "layer", "line", "wedge" or "pause".
-    time : float
-        Time of the fault [s].
-    position : float or None
-        Position of the blade [m].
-    says : str
-        Description of the fault.
-    try_next : str
-        Advice for the next cut.
     """
 
     kind: str

@@ -29,8 +29,6 @@ class Crossover:
 
     Attributes
     ----------
-    conditions : tuple of str
-        The two conditions; differences are the first minus the second.
     difference : Estimate
         Difference between the conditions, the mean of both orders. With one order alone, the plain paired difference.
     order : Estimate or None
@@ -58,12 +56,6 @@ def crossover(values: Mapping[str, Sequence[tuple[str, float]]], *, confidence: 
     values : mapping of str to sequence of (str, float)
         Condition and value of each of a person's cuts, in the order in which they were made; by person. Who cut under
         one condition only is left out.
-    confidence : float
-        Level of the intervals, 0.5 to 0.999.
-
-    Returns
-    -------
-    Crossover
 
     Raises
     ------

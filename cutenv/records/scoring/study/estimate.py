@@ -46,8 +46,6 @@ class Estimate:
 
     Attributes
     ----------
-    value : float
-        The value.
     low, high : float or None
         Ends of the interval; None if there is none.
     note : str

@@ -65,10 +65,6 @@ class LearningCurve:
 
     Attributes
     ----------
-    number : ndarray of int
-        Number of the cut, from 1.
-    people : ndarray of int
-        Number of people who made it.
     mean, low, high : ndarray
         Mean over these people, and interval by Student's t; no interval (None) of fewer than four people.
     change, change_low, change_high : ndarray
@@ -105,10 +101,6 @@ def cusum(
     sign : {1, -1}
         1 if small values are good ("beyond" is above the target), -1 if large ones are.
 
-    Returns
-    -------
-    Cusum
-
     Raises
     ------
     TypeError, ValueError
@@ -142,12 +134,6 @@ def learning_curve(series: Sequence[ArrayLike], *, confidence: float = CONFIDENC
     series : sequence of array_like
         The values of each person's cuts in their order: 2 people or more, 2 cuts each or more. People may differ in
         number of cuts; the curve ends where fewer than 3 are left, of 2 people with the first who ends.
-    confidence : float
-        Level of the pointwise intervals, 0.5 to 0.999.
-
-    Returns
-    -------
-    LearningCurve
 
     Raises
     ------

@@ -68,8 +68,6 @@ class ErrorRate:
         Number of people judged wrongly, and number of people in the group.
     theoretical : Estimate or None
         Share under the group's normal curve, 0 to 1; None if there is no curve.
-    no_curve : str
-        Reason why there is no curve.
     """
 
     observed: int
@@ -86,8 +84,6 @@ class PassMark:
 
     Attributes
     ----------
-    method : str
-        One of :data:`METHODS`.
     mark : Estimate
         The mark; who reaches it passes. In the unit of the values.
     false_passes : ErrorRate
@@ -170,18 +166,10 @@ def pass_mark(
         "contrasting groups": where the groups' normal curves cross; "expert mean": mean of the passing group; "expert
         mean and SD": that mean, less (or, if lower is better, plus) ``spread`` standard deviations; "set by the
         teacher": ``given``.
-    better : {"higher", "lower"}
-        Which values are better.
     spread : float
         Number of standard deviations, 0.1 to 4.
     given : float, optional
         The teacher's mark; for that method only.
-    rng : numpy.random.Generator
-        Source of the resamples.
-
-    Returns
-    -------
-    PassMark
 
     Raises
     ------
@@ -232,18 +220,10 @@ def proficiency(
     ----------
     values : array_like of shape (n,)
         Values of the person's cuts, in their order; n is 1 or more.
-    mark : float
-        The mark, in the unit of the values.
-    better : {"higher", "lower"}
-        Which values are better.
     in_a_row : int
         Number of consecutive passes that count as proficiency, 1 to 100.
     left : sequence of int
         How many of the values stand before each cut that was begun and left.
-
-    Returns
-    -------
-    Proficiency
 
     Raises
     ------
@@ -439,20 +419,12 @@ class Standard:
 
     Attributes
     ----------
-    metric, unit : str
-        Name of the metric, or "overall_score", and its unit on the cards.
-    better : {"higher", "lower"}
-        Which values are better.
     series : mapping of str to ndarray
         Values of each operator's cuts, in order; cuts without a value are left out.
-    missing : int
-        Number of cuts without a value.
     left : mapping of str to tuple of int
         Cuts that were begun and left, by operator: how many cuts with a value stand before each.
     marks : mapping of str to PassMark or NotEstimable
         Pass mark by each method, or the reason why the people give none.
-    chosen : PassMark or NotEstimable
-        The mark that proficiency is counted by.
     proficiency : mapping of str to Proficiency
         How each operator's cuts meet it; empty without a mark.
     separation : Separation or NotEstimable
@@ -483,8 +455,6 @@ class StandardSetting(StudiedPeople):
 
     Parameters
     ----------
-    name : str
-        Name of the class, for pages.
     cuts : sequence of StudiedCut
         The cuts, each operator's in the order in which they were made; with the raters' marks, if there are any.
     left : mapping of str to sequence of int, optional
@@ -505,8 +475,6 @@ class StandardSetting(StudiedPeople):
         Number of consecutive passes that count as proficiency.
     best_mark : {"highest", "lowest"}
         Which end of the raters' scale is best.
-    seed : int
-        Seed of the bootstrap.
 
     Attributes
     ----------
@@ -514,8 +482,6 @@ class StandardSetting(StudiedPeople):
         One for each metric that any cut has.
     agreement : RaterAgreement or NotEstimable
         Agreement of the raters with each other.
-    notes : tuple of str
-        Notes for the reader.
 
     Raises
     ------

@@ -46,10 +46,6 @@ class Intraclass:
         Columns are a sample (sessions, raters); a shift between them counts as disagreement.
     consistency : Estimate
         A shift between columns, such as learning from one session to the next, does not count.
-    one_way_of_means, agreement_of_means, consistency_of_means : Estimate
-        Correlations of the mean over all k columns.
-    rows, columns : int
-        Numbers n and k.
     """
 
     one_way: Estimate
@@ -74,8 +70,6 @@ class OneWay:
         Reliability of a person's mean over ``cuts`` cuts.
     cuts : float
         Harmonic mean of the numbers of cuts.
-    people, total : int
-        Number of people, and of cuts in all.
     between_sd, within_sd : float
         Standard deviation between people, and between one person's cuts; in the metric's unit.
     """
@@ -91,12 +85,7 @@ class OneWay:
     def cuts_for(self, reliability: float = 0.8) -> float:
         """Return the number of cuts for a mean's reliability (Spearman-Brown).
 
-        Infinite if single cuts have none.
-
-        Raises
-        ------
-        ValueError
-            If ``reliability`` is not 0.01 to 0.99.
+        Infinite if single cuts have none; `reliability` is 0.01 to 0.99.
         """
         wanted = in_range("reliability", reliability, 0.01, 0.99, "1")
         rho = self.single.value
@@ -113,10 +102,6 @@ def intraclass_correlation(ratings: ArrayLike, *, confidence: float = CONFIDENCE
         any one unit.
     confidence : float
         Level of the intervals, 0.5 to 0.999.
-
-    Returns
-    -------
-    Intraclass
 
     Raises
     ------
@@ -178,10 +163,6 @@ def one_way_reliability(series: Sequence[ArrayLike], *, confidence: float = CONF
         there is no interval.
     confidence : float
         Level of the intervals, 0.5 to 0.999.
-
-    Returns
-    -------
-    OneWay
 
     Raises
     ------
@@ -269,13 +250,6 @@ class RaterCorrelation:
     """Correlation of a metric with marks.
 
     Positive if what counts as better got the better marks.
-
-    Attributes
-    ----------
-    rank, linear : Estimate
-        Spearman's and Pearson's correlation.
-    cuts, people : int
-        Number of rated cuts, and of the people who made them.
     """
 
     rank: Estimate
@@ -323,18 +297,8 @@ def rater_correlation(
     ----------
     values, marks : array_like of shape (n,)
         Value and mark of each cut, in any unit and on any scale; NaN where a cut has none.
-    people : sequence of str
-        Who made each cut.
-    better : {"higher", "lower"}
-        Which values of the metric are better.
     best_mark : {"highest", "lowest"}
         Which end of the raters' scale is best.
-    rng : numpy.random.Generator
-        Source of the resamples.
-
-    Returns
-    -------
-    RaterCorrelation
 
     Raises
     ------
@@ -387,14 +351,6 @@ def rater_agreement(marks: ArrayLike, people: Sequence[str], *, rng: np.random.G
     ----------
     marks : array_like of shape (n, k)
         Marks of n cuts by k raters, 2 or more; NaN where a rater gave none. Cuts with a gap are left out.
-    people : sequence of str
-        Who made each cut.
-    rng : numpy.random.Generator
-        Source of the resamples.
-
-    Returns
-    -------
-    RaterAgreement
 
     Raises
     ------

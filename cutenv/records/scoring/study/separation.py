@@ -64,12 +64,6 @@ def separation(
     first, second : sequence of array_like
         The values of each person's cuts, one or more; 2 people or more in each group; one unit. With fewer than 4 in a
         group there is no interval.
-    confidence : float
-        Level of the intervals, 0.5 to 0.999.
-
-    Returns
-    -------
-    Separation
 
     Raises
     ------

@@ -38,10 +38,6 @@ class StudiedCut:
 
     Attributes
     ----------
-    card : ScoreCard
-        Score card of the cut.
-    operator : str
-        Code of the person who made it.
     group : str
         Group of the operator; "" if the study has none.
     session : str
@@ -76,12 +72,8 @@ class Findings:
 
     Attributes
     ----------
-    metric, unit : str
-        Name of the metric, or "overall_score", and its unit on the cards.
     series : mapping of str to ndarray
         Values of each operator's cuts, in order; cuts without a value are left out.
-    missing : int
-        Number of cuts without a value.
     reliability : OneWay or NotEstimable
         Reliability of single cuts and of means, over operators with two cuts or more.
     retest : Intraclass or NotEstimable
@@ -94,8 +86,6 @@ class Findings:
         Cumulative sums by operator, for those with two cuts or more.
     target, scale : float
         Target and standard deviation for the cumulative sums; in the metric's unit.
-    target_is : str
-        Origin of the target.
     """
 
     metric: str
@@ -214,8 +204,6 @@ class Study(StudiedPeople):
 
     Parameters
     ----------
-    name : str
-        Name of the study, for pages.
     cuts : sequence of StudiedCut
         The cuts, each operator's in the order in which they were made.
     left : mapping of str to sequence of int, optional
@@ -236,8 +224,6 @@ class Study(StudiedPeople):
     ----------
     findings : tuple of Findings
         Statistics of each metric that any cut has.
-    notes : tuple of str
-        Notes for the reader.
 
     Raises
     ------
