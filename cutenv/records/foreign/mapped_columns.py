@@ -284,8 +284,7 @@ class MappedReadings:
             )
         except ValueError as error:
             raise RecordError(
-                self.table.path,
-                f"{self.table.row_name}s {first} to {last}: {error}{self._units_taken(str(error))}",
+                self.table.path, f"{self.table.row_name}s {first} to {last}: {error}{self._units_taken(str(error))}"
             ) from None
 
     def _units_taken(self, reason: str) -> str:

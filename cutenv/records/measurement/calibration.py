@@ -370,10 +370,7 @@ def tissue_of(
             formulation=model.formulation,
             poisson=model.poisson,
             calibration=TissueCalibration(
-                cuts=len(cuts),
-                specimens=specimens,
-                evidence=tuple(evidence),
-                notes=tuple(notes),
+                cuts=len(cuts), specimens=specimens, evidence=tuple(evidence), notes=tuple(notes)
             ),
             **numbers,
         )
@@ -406,9 +403,7 @@ def with_findings(
     assert facts is not None, "made by tissue_of"
     left_out = [f"left out: {each.name}: {each.reason}" for each in refused]
     facts = dataclasses.replace(
-        facts,
-        evidence=(*facts.evidence, *(() if layers is None else layers.evidence)),
-        notes=(*left_out, *facts.notes),
+        facts, evidence=(*facts.evidence, *(() if layers is None else layers.evidence)), notes=(*left_out, *facts.notes)
     )
     return dataclasses.replace(tissue, calibration=facts, layers=None if layers is None else layers.layers)
 

@@ -139,12 +139,7 @@ def estimate_fracture_resistance(
 
     _check_speed(trace, position, travel)
     in_range(
-        "area below the blade",
-        depth.area(start, start + travel),
-        1e-7,
-        1.0,
-        "m2",
-        "Record the depth of cut in m.",
+        "area below the blade", depth.area(start, start + travel), 1e-7, 1.0, "m2", "Record the depth of cut in m."
     )
 
     flags = list(zero.flags)
@@ -274,11 +269,7 @@ def _mean_liver_stiffness(depth: DepthProfile, farthest: float) -> _Stiffness:
 
 
 def _open_loop(
-    trace: Trace,
-    depth: DepthProfile,
-    stiffness: _Stiffness,
-    friction_per_depth: float | None,
-    friction_share: float,
+    trace: Trace, depth: DepthProfile, stiffness: _Stiffness, friction_per_depth: float | None, friction_share: float
 ) -> tuple[float, float, float]:
     """Return R, a and phi with the tissue still loaded.
 

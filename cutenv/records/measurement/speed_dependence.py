@@ -144,10 +144,7 @@ def is_between_the_measured(angle: float) -> bool:
 def _ties(v: Array, theta: Array) -> tuple[Array, frozenset[str]]:
     """Return the matrix to all parameters, (4, n_free), and free names."""
     tissue = measured_liver()
-    liver = {
-        90: (tissue.intercept_90, tissue.slope_90),
-        45: (tissue.intercept_45, tissue.slope_45),
-    }
+    liver = {90: (tissue.intercept_90, tissue.slope_90), 45: (tissue.intercept_45, tissue.slope_45)}
     steep = theta >= BETWEEN
     groups = {90: v[steep], 45: v[~steep]}
     known = [angle for angle, speeds in groups.items() if len(speeds)]

@@ -505,11 +505,7 @@ _PATH: dict[str, Any] = {
     "needs": ("position", "tip"),
     "invariances": ("time_shift",),
 }
-_FORCE: dict[str, Any] = {
-    "source": "limit of a rig",
-    "validity": "any record with it",
-    "invariances": ("time_shift",),
-}
+_FORCE: dict[str, Any] = {"source": "limit of a rig", "validity": "any record with it", "invariances": ("time_shift",)}
 _DEPTH_TASK, _PATH_TASK = "cost of the task along a wanted depth", "cost of the task along a drawn line"
 
 

@@ -5,23 +5,7 @@ from __future__ import annotations
 import json
 
 import numpy as np
-from lab_cut import (
-    EPOCH,
-    FORCE,
-    FORCE_ALONE,
-    GRAMS,
-    RATE,
-    TIME,
-    WAY,
-    F,
-    N,
-    T,
-    X,
-    add,
-    at,
-    clock_time,
-    table,
-)
+from lab_cut import EPOCH, FORCE, FORCE_ALONE, GRAMS, RATE, TIME, WAY, F, N, T, X, add, at, clock_time, table
 
 _NOUGHT = (np.zeros(N), "%.3f")
 _SIDE = (1e-4 * np.sin(TIME), "%.7f")
@@ -72,11 +56,7 @@ add(
     "rate_under_names.asc",
     "HBM",
     "the same words below every name",
-    [
-        "Zeit [s]\tKraft S2M [N]\tWeg WA50 [mm]",
-        "\t".join(["Abtastrate 200Hz"] * 3),
-        *table([T, F, X], "\t", ","),
-    ],
+    ["Zeit [s]\tKraft S2M [N]\tWeg WA50 [mm]", "\t".join(["Abtastrate 200Hz"] * 3), *table([T, F, X], "\t", ",")],
     encoding="cp1252",
 )
 add(
@@ -279,11 +259,7 @@ add(
     "pandas",
     "names, and rows as lists",
     json.dumps(
-        {
-            "columns": list(_FRAME),
-            "index": list(range(N)),
-            "data": np.column_stack(list(_FRAME.values())).tolist(),
-        }
+        {"columns": list(_FRAME), "index": list(range(N)), "data": np.column_stack(list(_FRAME.values())).tolist()}
     ),
 )
 add(

@@ -125,10 +125,7 @@ add_odd(
 )
 add_odd(
     "us_date.csv",
-    [
-        "time,F [N]",
-        *(f"{at(t).strftime('%m/%d/%Y %I:%M:%S.%f %p')},{f:.4f}" for t, f in zip(TIME, FORCE, strict=True)),
-    ],
+    ["time,F [N]", *(f"{at(t).strftime('%m/%d/%Y %I:%M:%S.%f %p')},{f:.4f}" for t, f in zip(TIME, FORCE, strict=True))],
     truth=FORCE_ALONE,
 )
 add_odd(

@@ -16,13 +16,7 @@ from scored_cuts import CUTS, TARGET, changed, cut
 from cutenv.records.scoring import METRICS, ReferenceSet, ScoreCard, Truth, score
 from cutenv.records.scoring.cut_metrics import FORCE_WEIGHTS
 from cutenv.records.scoring.doubts import DOUBT
-from cutenv.records.scoring.points import (
-    ACCURACY_POINTS,
-    LIMIT_POINTS,
-    SUCCESS_POINTS,
-    WAY_POINTS,
-    ScorePoints,
-)
+from cutenv.records.scoring.points import ACCURACY_POINTS, LIMIT_POINTS, SUCCESS_POINTS, WAY_POINTS, ScorePoints
 from cutenv.records.scoring.reference import FEWEST_REFERENCE_CUTS
 from cutenv.records.scoring.score_card import FEWEST_WEIGHT
 from cutenv.records.scoring.study.learning import mean_points, next_tries, outcome_counts
