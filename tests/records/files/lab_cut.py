@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 
 RATE = 200.0  # readings a second [Hz]
 N = 1361
+COUNT = range(N)
 TIME = np.arange(N) / RATE
 START = datetime.datetime(2026, 3, 2, 10, 11, 12)
 EPOCH = 1_772_446_272  # the same in UTC
@@ -48,36 +49,16 @@ FORCE_ALONE = (Truth(travel_mm=None),)
 
 @dataclass(frozen=True, kw_only=True)
 class LabFormat:
-    """A file of a laboratory.
-
-    Attributes
-    ----------
-    name : str
-        Name of the file.
-    maker : str
-        Program or instrument that writes it.
-    about : str
-        Peculiarity of the format.
-    content : bytes
-        The file.
-    truth : tuple of Truth
-        Its records.
-    asks : int
-        Questions that the file itself leaves open.
-    left_out : int
-        Rows that are no readings.
-    readable : bool
-        False if the file leaves open what nobody can guess.
-    """
+    """A file of a laboratory."""
 
     name: str
-    maker: str
-    about: str
+    maker: str  # program or instrument that writes it
+    about: str  # peculiarity of the format
     content: bytes
-    truth: tuple[Truth, ...] = ONE
-    asks: int = 0
-    left_out: int = 0
-    readable: bool = True
+    truth: tuple[Truth, ...] = ONE  # its records
+    asks: int = 0  # questions that the file itself leaves open
+    left_out: int = 0  # rows that are no readings
+    readable: bool = True  # false if the file leaves open what nobody can guess
 
 
 FORMATS: list[LabFormat] = []
@@ -90,22 +71,22 @@ def table(columns: Sequence[tuple[Any, str]], separator: str = ",", decimal: str
 
 
 def add(
-    name: str,
-    maker: str,
-    about: str,
-    lines: Sequence[str] | str,
-    *,
-    newline: str = "\n",
-    encoding: str = "utf-8",
-    **facts: Any,
+    name: str, origin: str, *lines: str, newline: str = "\n", ended: bool = True, encoding: str = "utf-8", **facts: Any
 ) -> None:
-    text = lines if isinstance(lines, str) else newline.join([*lines, ""])
-    FORMATS.append(LabFormat(name=name, maker=maker, about=about, content=text.encode(encoding), **facts))
+    """Add a file of a maker, with what is peculiar in it: ``maker: about``."""
+    maker, _, about = origin.partition(": ")
+    content = newline.join([*lines, ""] if ended else lines).encode(encoding)
+    FORMATS.append(LabFormat(name=name, maker=maker, about=about, content=content, **facts))
 
 
-def add_odd(name: str, lines: Sequence[str], **facts: Any) -> None:
+def add_odd(name: str, *lines: str, **facts: Any) -> None:
     """Add a file that people and programs of many kinds write; its name says what is odd."""
-    add(name, "people and programs", name.rpartition(".")[0].replace("_", " "), lines, **facts)
+    add(name, f"people and programs: {name.rpartition('.')[0].replace('_', ' ')}", *lines, **facts)
+
+
+def each(form: Callable[..., str], *columns: Iterable[Any]) -> list[str]:
+    """Rows made by a function of the values in them, by default of time, force and way."""
+    return [form(*row) for row in zip(*(columns or (TIME, FORCE, WAY)), strict=False)]
 
 
 def at(seconds: float) -> datetime.datetime:
