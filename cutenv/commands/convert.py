@@ -19,10 +19,10 @@ def main(argv: Sequence[str]) -> int:
     """Convert records; return 0, or 2 on bad input."""
     arguments = _parser().parse_args(argv)
     from cutenv.records import ColumnMap, read_record, save
-    from cutenv.records.files import check_format
+    from cutenv.records.files import format_of
     from cutenv.records.foreign.cut_detection import STANDARD
 
-    check_format(arguments.out)
+    format_of(arguments.out)
     if arguments.out.exists() and not arguments.force:
         raise ValueError(f"--out {arguments.out} exists; give another name, or --force to replace it.")
     if arguments.unit is not None and arguments.map is None:

@@ -68,7 +68,7 @@ def save(traces: Trace | Iterable[Trace], path: str | os.PathLike[str]) -> None:
     if not kept:
         raise ValueError("there is no trace to save. Give one or more.")
     path = Path(path)
-    chosen = _format_of(path)
+    chosen = format_of(path)
     with atomic_write(path) as part:
         chosen.write(kept, part)
 
@@ -129,7 +129,7 @@ def load(path: str | os.PathLike[str], *, force: str | None = None) -> list[Trac
 
 def tables_in(path: Path) -> list[CutTable]:
     """Return a file's columns before any check; raises as :func:`load`."""
-    chosen = _format_of(path)
+    chosen = format_of(path)
     try:
         with path.open("rb") as file:
             check_beginning(path, file.read(16), chosen.name)
@@ -148,12 +148,8 @@ def load_one(path: str | os.PathLike[str], *, force: str | None = None) -> Trace
     return traces[0]
 
 
-def check_format(path: Path) -> None:
-    """Raise RecordError early for a suffix that is no record's."""
-    _format_of(path)
-
-
-def _format_of(path: Path) -> _Format:
+def format_of(path: Path) -> _Format:
+    """Return the format of a suffix; RecordError for one that is no record's."""
     if path.suffix.lower() not in FORMATS:
         known = ", ".join(FORMATS)
         raise RecordError(path, f"its suffix {path.suffix!r} is no format of a record. Use one of {known}.")

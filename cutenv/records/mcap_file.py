@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
 from cutenv._base.imports import optional_import
-from cutenv.records.schema import SCHEMA, as_names, check_schema, header_of, mapping_from_json, to_json
+from cutenv.records.schema import SCHEMA, as_names, check_schema, header_of, mapping_from_json, refusing_damage, to_json
 from cutenv.records.table import CutTable, row_from_0
 from cutenv.sim.trace import CHANNELS, COMPONENTS_OF_FORCE, PLACE, Reading, Trace
 
@@ -111,11 +111,8 @@ def read(path: Path) -> list[CutTable]:
     Bags of other programs are read by :func:`cutenv.records.load_foreign`.
     """
     optional_import("mcap", "mcap", "MCAP", extra="ros")
-    try:
+    with refusing_damage(path, "MCAP file"):
         noted, contents = _content(path)
-    except Exception as error:  # the library raises errors of any kind for a damaged file
-        reason = str(error).partition("\n")[0] or type(error).__name__
-        raise ValueError(f"it is no MCAP file, or a damaged one ({reason}). Take the file again.") from None
     if noted is None:
         raise ValueError("it is a bag of another program. Name its topics: --map time=stamp force=TOPIC.FIELD.")
     check_schema(noted.get("schema", ""))

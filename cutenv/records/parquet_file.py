@@ -11,9 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from cutenv._base.arrays import Array
 from cutenv._base.imports import optional_import
-from cutenv.records.schema import SCHEMA, as_mapping, as_names, check_schema, from_json, shortened, to_json
+from cutenv.records.schema import (
+    SCHEMA,
+    as_mapping,
+    as_names,
+    check_schema,
+    from_json,
+    refusing_damage,
+    shortened,
+    to_json,
+)
 from cutenv.records.table import CUT_COLUMN, CutTable, parsed_headers, row_from_0, table_of
 from cutenv.sim.trace import Trace
 
@@ -38,28 +46,22 @@ def write(traces: Sequence[Trace], path: Path) -> None:
 def read(path: Path) -> list[CutTable]:
     """Read a file as one table; a ValueError names the column at fault."""
     arrow, parquet = _libraries()
-    try:
-        with parquet.ParquetFile(
-            path,
-            page_checksum_verification=True,
-            thrift_string_size_limit=_LONGEST,
-            thrift_container_size_limit=_LONGEST,
-        ) as file:
-            schema = file.schema_arrow
-            names, notes = [name.strip() for name in schema.names], dict(schema.metadata or {})
-            strange = [
-                (name, str(kind))
-                for name, kind in zip(names, schema.types, strict=True)
-                if not (arrow.types.is_floating(kind) or arrow.types.is_integer(kind))
-            ]
-            # Numbers only: nothing else is unpacked, and no code of an extension type runs.
-            read = None if strange else file.read(use_threads=False)
-            values = [] if read is None else [_numbers(column) for column in read.columns]
-    except Exception as error:  # Arrow raises errors of any kind for a damaged file
-        raise ValueError(
-            f"it is no Parquet file, or a damaged one ({str(error).partition(chr(10))[0] or type(error).__name__}). "
-            "Take the file again."
-        ) from None
+    limits = dict.fromkeys(("thrift_string_size_limit", "thrift_container_size_limit"), _LONGEST)
+    with (
+        refusing_damage(path, "Parquet file"),
+        parquet.ParquetFile(path, page_checksum_verification=True, **limits) as file,
+    ):
+        schema = file.schema_arrow
+        names, notes = [name.strip() for name in schema.names], dict(schema.metadata or {})
+        strange = [
+            (name, str(kind))
+            for name, kind in zip(names, schema.types, strict=True)
+            if not (arrow.types.is_floating(kind) or arrow.types.is_integer(kind))
+        ]
+        # Numbers only: nothing else is unpacked, and no code of an extension type runs.
+        read = None if strange else file.read(use_threads=False)
+        # NaN for null
+        values = [] if read is None else [np.asarray(column.to_numpy(), dtype=np.float64) for column in read.columns]
     columns = parsed_headers(names)
     for name, kind in strange:
         raise ValueError(f"column {name!r} holds {kind}, no numbers. Write it as float64.")
@@ -94,11 +96,6 @@ def _by_cut(facts: Any, name: str, checked: Any) -> dict[int, Any]:
             raise ValueError(f"{name} names cut {shortened(number)}, which is no number. Save the record again.")
         found[int(number)] = checked(f"{name} {number}", fact)
     return found
-
-
-def _numbers(column: Any) -> Array:
-    """Return a column as float64, with NaN for null."""
-    return np.asarray(column.to_numpy(), dtype=np.float64)
 
 
 def _libraries() -> tuple[Any, Any]:

@@ -5,11 +5,12 @@ A reader raises the error for a bad file.
 
 from __future__ import annotations
 
+import contextlib
 import difflib
 import json
 import os
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -113,6 +114,22 @@ class RecordError(ValueError):
 
     def __reduce__(self) -> tuple[type[RecordError], tuple[Path, str]]:
         return type(self), (self.path, self.reason)  # by its own arguments, so that it can be pickled between processes
+
+
+@contextlib.contextmanager
+def refusing_damage(path: Path, kind: str, cure: str = "Take the file again.") -> Iterator[None]:
+    """Raise RecordError for whatever a library raises of a damaged file."""
+    try:
+        yield
+    except (ModuleNotFoundError, RecordError):
+        raise
+    except Exception as error:
+        raise RecordError(path, f"it is no {kind}, or a damaged one ({reason_of(error)}). {cure}") from None
+
+
+def reason_of(error: Exception) -> str:
+    """Return an error's first line, or its name."""
+    return str(error).partition("\n")[0] or type(error).__name__
 
 
 def check_beginning(path: Path, content: bytes, name: str, allowed: Collection[bytes] = ()) -> None:

@@ -19,7 +19,7 @@ from cutenv.records.foreign.array_tables import NamedArray, below_one_another, t
 from cutenv.records.foreign.named_columns import NamedColumns
 from cutenv.records.foreign.stated_units import known_spelling
 from cutenv.records.hdf5_file import check_heaps
-from cutenv.records.schema import RecordError
+from cutenv.records.schema import refusing_damage
 
 _FEW_TEXTS = 16  # a longer list of text may be a column of times, and not names or units
 _LABELS, _VALUES, _UNITS_BESIDE = ("label", "title", "name"), ("values", "data"), ("units", "unit")
@@ -112,7 +112,7 @@ def read_numpy(path: Path, names: Collection[str] = ()) -> NamedColumns:
     """Read an ``.npz`` or ``.npy`` file; RecordError without arrays of numbers."""
     notes: list[str] = []
     content: dict[str, Any] = {}
-    try:
+    with refusing_damage(path, "file of NumPy"):
         found = np.load(path)  # without unpickling, since NumPy 1.16.3
         if isinstance(found, np.ndarray):
             content[""] = NamedArray("", found)
@@ -124,9 +124,6 @@ def read_numpy(path: Path, names: Collection[str] = ()) -> NamedColumns:
                         content[name] = values.reshape(-1).astype(str).tolist() if values.dtype.kind in "US" else values
                     except ValueError:
                         notes.append(f"{name} left out: it holds objects of Python, which are not unpickled")
-    except Exception as error:  # a damaged file raises errors of any kind
-        reason = str(error).partition("\n")[0] or type(error).__name__
-        raise RecordError(path, f"it is no file of NumPy, or a damaged one ({reason}). Take the file again.") from None
     return table_of_arrays(path, named_arrays(content), "arrays of NumPy", names, notes)
 
 
@@ -141,14 +138,9 @@ def read_matlab(path: Path, names: Collection[str] = ()) -> NamedColumns:
     notes: list[str] = []
     with path.open("rb") as file:
         beginning = file.read(520)
-    try:
+    with refusing_damage(path, "file of MATLAB"):
         is_hdf5 = beginning.startswith(_VERSION_7_3) or _HDF5 in (beginning[:8], beginning[512:])
         content = _hdf5_variables(path, notes) if is_hdf5 else _variables(path, notes)
-    except (ModuleNotFoundError, RecordError):
-        raise
-    except Exception as error:  # the libraries raise errors of any kind for a damaged file
-        reason = str(error).partition("\n")[0] or type(error).__name__
-        raise RecordError(path, f"it is no file of MATLAB, or a damaged one ({reason}). Take the file again.") from None
     if content.keys() >= _LABCHART:
         return _labchart(path, content, notes)
     return table_of_arrays(path, named_arrays(content), "file of MATLAB", names, notes)
@@ -175,12 +167,17 @@ def _plain(name: str, value: Any, notes: list[str], depth: int = 0) -> Any:
         return next(iter(parts.values())) if len(parts) == 1 else Elements(parts)
     if value.dtype.kind == "O":  # cells
         cells = [_plain(f"{name}_{k}", each, notes, depth + 1) for k, each in enumerate(value.reshape(-1), 1)]
-        if all(isinstance(cell, list) and len(cell) <= 1 for cell in cells):
-            return [cell[0] if cell else "" for cell in cells]
-        return Elements({f"{name}_{k}": cell for k, cell in enumerate(cells, 1)})
+        return _of_cells(name, cells)
     if value.dtype.kind == "U":
         return [str(each).strip() for each in value.reshape(-1)]
     return value
+
+
+def _of_cells(name: str, cells: list[Any]) -> list[str] | Elements:
+    """Return a cell array as list of its texts, or by number."""
+    if all(isinstance(cell, list) and len(cell) <= 1 for cell in cells):
+        return [cell[0] if cell else "" for cell in cells]
+    return Elements({f"{name}_{k}": cell for k, cell in enumerate(cells, 1)})
 
 
 def _object(name: str, notes: list[str]) -> None:
@@ -211,9 +208,7 @@ def _hdf5_plain(h5py: Any, name: str, item: Any, notes: list[str], depth: int = 
             _hdf5_plain(h5py, f"{name}_{k}", item.file[each], notes, depth + 1)
             for k, each in enumerate(values.reshape(-1), 1)
         ]
-        if all(isinstance(cell, list) and len(cell) <= 1 for cell in cells):
-            return [cell[0] if cell else "" for cell in cells]
-        return Elements({f"{name}_{k}": cell for k, cell in enumerate(cells, 1)})
+        return _of_cells(name, cells)
     return values
 
 
@@ -264,13 +259,10 @@ _MOST_BYTES = 1 << 32  # of one dataset
 def read_hdf5(path: Path, names: Collection[str] = ()) -> NamedColumns:
     """Read an HDF5 file: a dataset is a column, or several, named by its place."""
     h5py = optional_import("h5py", "h5py", "HDF5")
-    try:
+    with refusing_damage(path, "HDF5 file"):
         check_heaps(path)
         with h5py.File(path, "r") as file:
             content = _content(h5py, file)
-    except Exception as error:  # HDF5 raises errors of any kind for a damaged file
-        reason = str(error).partition("\n")[0] or type(error).__name__
-        raise RecordError(path, f"it is no HDF5 file, or a damaged one ({reason}). Take the file again.") from None
     return table_of_arrays(path, named_arrays(content), "HDF5", names)
 
 

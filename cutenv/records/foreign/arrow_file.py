@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from cutenv._base.imports import optional_import
 from cutenv.records.foreign.array_tables import NamedArray, table_of_arrays
 from cutenv.records.foreign.named_columns import NamedColumns
-from cutenv.records.foreign.stated_units import known_spelling
-from cutenv.records.schema import RecordError
+from cutenv.records.foreign.stated_units import quantity_of
+from cutenv.records.schema import refusing_damage
 
 _EPISODE = "episode_index"
 _COUNTERS = ("frame_index", "index", "task_index", _EPISODE)  # LeRobot's own numbers, which nobody measures
@@ -37,15 +37,10 @@ def read(path: Path, names: Collection[str] = ()) -> NamedColumns:
     """
     files = sorted((path / "data").rglob("*.parquet")) if path.is_dir() else [path]
     described = next((each for each in (path, *path.parents[:4]) if is_lerobot(each)), None)
-    try:
+    with refusing_damage(path, "file of Arrow"):
         info = json.loads((described / _INFO).read_text(encoding="utf-8")) if described else {}
         features, fps = info.get("features", {}), info.get("fps")
         table = _table(files, features)
-    except ModuleNotFoundError:
-        raise
-    except Exception as error:  # Arrow raises errors of any kind for a damaged file
-        reason = str(error).partition("\n")[0] or type(error).__name__
-        raise RecordError(path, f"it is no file of Arrow, or a damaged one ({reason}). Take the file again.") from None
     found = {name: _values(table.column(name)) for name in table.column_names}
     columns = {name: values for name, values in found.items() if values is not None}
     odd = [f"{name} ({table.schema.field(name).type})" for name, values in found.items() if values is None]
@@ -152,7 +147,9 @@ def _is_wrench(name: str) -> bool:
 
 def _without_copies(table: NamedColumns) -> NamedColumns:
     """Return columns without forces outside of wrenches: means, limits, copies."""
-    kept = [k for k, header in enumerate(table.headers) if _is_wrench(header) or not _is_force(table, k)]
+    kept = [
+        k for k, header in enumerate(table.headers) if _is_wrench(header) or quantity_of(table.stated(k)) != "force"
+    ]
     left = [header for k, header in enumerate(table.headers) if k not in kept]
     if not left or not any(_is_wrench(header) for header in table.headers):
         return table
@@ -165,11 +162,6 @@ def _without_copies(table: NamedColumns) -> NamedColumns:
         text=lambda k: table.text(kept[k]),
         notes=(*table.notes, f"left out beside the wrench: {', '.join(left)}"),
     )
-
-
-def _is_force(table: NamedColumns, column: int) -> bool:
-    known = known_spelling(table.stated(column))
-    return known is not None and known.quantity == "force"
 
 
 def _flat(names: Any) -> Iterator[str]:

@@ -28,7 +28,7 @@ from cutenv.records.foreign.array_tables import Series, below_one_another, is_ti
 from cutenv.records.foreign.named_columns import NamedColumns
 from cutenv.records.foreign.ros_bag import BAGS, is_bag
 from cutenv.records.foreign.text_tables import sniff_table
-from cutenv.records.schema import RecordError
+from cutenv.records.schema import RecordError, refusing_damage
 
 _TDMS_UNITS = ("unit_string", "NI_UnitDescription", "Unit", "unit", "units", "Units")
 _TDMS = "LabVIEW's TDMS"
@@ -57,12 +57,9 @@ def read_tdms(path: Path, names: Collection[str] = ()) -> NamedColumns:
     other channels, the slower ones are interpolated.
     """
     nptdms = optional_import("nptdms", "nptdms", "TDMS", extra="formats")
-    try:
+    with refusing_damage(path, "TDMS file"):
         content = nptdms.TdmsFile.read(path)
         groups = {group.name: [_channel(group, each) for each in group.channels()] for group in content.groups()}
-    except Exception as error:  # the library raises errors of any kind for a damaged file
-        reason = str(error).partition("\n")[0] or type(error).__name__
-        raise RecordError(path, f"it is no TDMS file, or a damaged one ({reason}). Take the file again.") from None
     filled = {name: [each for each in channels if len(each.values) > 1] for name, channels in groups.items()}
     filled = {name: channels for name, channels in filled.items() if channels}
     if not filled:
@@ -136,11 +133,8 @@ def read_xdf(path: Path, names: Collection[str] = ()) -> NamedColumns:
     """Read a ``.xdf`` file: each stream's channels, at the force's times."""
     pyxdf = optional_import("pyxdf", "pyxdf", "XDF", extra="formats")
     logging.getLogger("pyxdf").setLevel(logging.ERROR)
-    try:
+    with refusing_damage(path, "XDF file"):
         streams, _ = pyxdf.load_xdf(str(path))
-    except Exception as error:  # the library raises errors of any kind for a damaged file
-        reason = str(error).partition("\n")[0] or type(error).__name__
-        raise RecordError(path, f"it is no XDF file, or a damaged one ({reason}). Take the file again.") from None
     series, notes = [], []
     for stream in streams:
         values, name = stream["time_series"], _first_value(stream["info"].get("name"))
@@ -193,13 +187,10 @@ def read_workbook(path: Path, names: Collection[str] = ()) -> NamedColumns:
     specimen.
     """
     calamine = optional_import("python_calamine", "python_calamine", "A workbook", extra="formats")
-    try:
+    with refusing_damage(path, "workbook", "Save it again."):
         workbook = calamine.CalamineWorkbook.from_path(str(path))
         found = {name: workbook.get_sheet_by_name(name) for name in workbook.sheet_names}
         sheets = {name: sheet.to_python(skip_empty_area=False) for name, sheet in found.items()}
-    except Exception as error:  # the library raises errors of any kind for a damaged file
-        reason = str(error).partition("\n")[0] or type(error).__name__
-        raise RecordError(path, f"it is no workbook, or a damaged one ({reason}). Save it again.") from None
     tables, empty = {}, {}
     for name, rows in sheets.items():
         try:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -50,19 +50,9 @@ _COUNTERS = _ORDERS | {
     "id", "line", "scan", "n", "i", "reading", "record", "cycle", "event", "messpunkt", "lfd",
 }  # fmt: skip
 _DERIVED = {
-    "stress",
-    "strain",
-    "spannung",
-    "dehnung",
-    "energy",
-    "work",
-    "torque",
-    "moment",
-    "energie",
-    "max",
-    "peak",
+    "stress", "strain", "spannung", "dehnung", "energy", "work", "torque", "moment", "energie", "max", "peak",
     "rate",
-}
+}  # fmt: skip
 _MOMENTS = {f"{letter}{axis}" for letter in "tm" for axis in "xyz"}  # of a wrench
 _NO_FORCES = _DERIVED | _MOMENTS | {
     "drehmoment", "couple", "momento", "temperature", "temp", "temperatur", "pressure", "druck", "pression", "voltage",
@@ -75,19 +65,9 @@ _NO_PLACES = {"acc", "gyro", "mag", "vel", "v", "a", "w", "omega", "quat", "q", 
 _UNCALIBRATED = {"v", "mv", "uv", "volt", "mv/v", "v/v", "count", "ct", "raw", "adc", "lsb", "bit", "digit", "dig"}
 """Units of amplifiers and converters, which a calibration turns into newtons."""
 _WANTED = {
-    "commanded",
-    "command",
-    "cmd",
-    "target",
-    "setpoint",
-    "soll",
-    "desired",
-    "reference",
-    "demand",
-    "peak",
-    "min",
+    "commanded", "command", "cmd", "target", "setpoint", "soll", "desired", "reference", "demand", "peak", "min",
     "valley",
-}
+}  # fmt: skip
 _OTHER_FORCE_UNITS = ("N", "mN", "kN", "gf", "kgf", "lbf", "1")
 _FEWEST_TICKS = 4  # different times of a coarse clock that show its step
 _USUAL_FORCE = (0.02, 500.0)  # [N]
@@ -171,6 +151,12 @@ class _Columns:
         self.filled = [each.kind != "text" and _is_filled(np.isfinite(each.values)) for each in self.cells]
         self.questions: list[Question] = []
         self.items: dict[str, str] = {}
+
+    def ask(
+        self, about: str, text: str, choices: Iterable[tuple[str, Mapping[str, str]]] = (), proposed: int | None = None
+    ) -> None:
+        """Add an open question."""
+        self.questions.append(Question(about=about, text=text, choices=tuple(choices), proposed=proposed))
 
     def proposal(self) -> Proposal:
         """Return mapping and questions."""
@@ -313,9 +299,7 @@ class _Columns:
             k for k in named if {*_WAYS}.intersection(self.words[k]) != {"x"} or not other.intersection(self.words[k])
         ]
         named = [k for k in named if "x" not in self.words[k] or self.words[k] == ["x"] or len(self.words[k]) > 1]
-        found = told or named
-
-        return sorted(found, key=self.rank_of)
+        return sorted(told or named, key=self.rank_of)
 
     def known(self, k: int) -> Array:
         """Return the numbers of a column that are there."""
@@ -332,9 +316,7 @@ class _Columns:
             why = "no column is a time"
             if still and abs(float(self.known(still[0])[0])) > 1e8:
                 why = f"the time in {self.table.header(still[0])!r} stands still: 32 bits were too few for it"
-            self.questions.append(
-                Question(about="rate", text=f"How many readings a second? {why}; rate=...Hz gives them.", choices=())
-            )
+            self.ask("rate", f"How many readings a second? {why}; rate=...Hz gives them.")
             return
         name, cells = self.name(time), self.cells[time]
         if self.quantity(time) == "time" or cells.unit:
@@ -345,28 +327,23 @@ class _Columns:
                 others = [other for other in time_units(replace(cells, unit="")) if other != unit]
                 text = f"Its times in {unit} make {rate:.3g} readings a second. Correct the unit in the header"
                 text += f"; in {others[0]} they would make {self.rate(time, others[0]):.4g}." if others else "."
-                self.questions.append(Question(about="time", text=text, choices=()))
+                self.ask("time", text)
             return
         units = time_units(cells)
         if not units:
             self.items["time"] = name
-            self.questions.append(
-                Question(
-                    about="time",
-                    text=f"In which unit is {self.table.header(time)!r}? None makes a usual rate.",
-                    choices=tuple((unit, {"time": f"{name}[{unit}]"}) for unit in UNITS["time"]),
-                )
+            self.ask(
+                "time",
+                f"In which unit is {self.table.header(time)!r}? None makes a usual rate.",
+                ((unit, {"time": f"{name}[{unit}]"}) for unit in UNITS["time"]),
             )
             return
         self.items["time"] = name if units[0] == "s" else f"{name}[{units[0]}]"
         if self.goes_by_one(time) and len(self.table) >= _FEWEST and not _TIMES.intersection(self.words[time]):
-            self.questions.append(
-                Question(
-                    about="time",
-                    text=f"Is {self.table.header(time)!r}, which counts by one, a time?",
-                    choices=tuple((unit, {"time": f"{name}[{unit}]"}) for unit in units),
-                    proposed=None,
-                )
+            self.ask(
+                "time",
+                f"Is {self.table.header(time)!r}, which counts by one, a time?",
+                ((unit, {"time": f"{name}[{unit}]"}) for unit in units),
             )
 
     def rate(self, time: int, unit: str) -> float:
@@ -391,11 +368,7 @@ class _Columns:
             if len(others) <= 2:
                 listed = ",".join(self.name(k) for k in sorted((chosen, *others)))
                 choices.append((f"norm({listed})", {"force": f"norm({listed})"}))
-            self.questions.append(
-                Question(
-                    about="force", text="Which column is the force along the cut?", choices=tuple(choices), proposed=0
-                )
-            )
+            self.ask("force", "Which column is the force along the cut?", choices, proposed=0)
         quantity = self.quantity(chosen)
         if quantity == "force" or self.is_normalised(chosen):
             return chosen
@@ -410,24 +383,20 @@ class _Columns:
                 text += " Whole numbers may be counts of a converter; calibrate them to newtons."
             else:
                 self.items["unit"] = likely
-            self.questions.append(
-                Question(
-                    about="force",
-                    text=text,
-                    choices=tuple((unit, {"unit": unit}) for unit in _OTHER_FORCE_UNITS),
-                    proposed=None if likely is None else _OTHER_FORCE_UNITS.index(likely),
-                )
+            self.ask(
+                "force",
+                text,
+                ((unit, {"unit": unit}) for unit in _OTHER_FORCE_UNITS),
+                proposed=None if likely is None else _OTHER_FORCE_UNITS.index(likely),
             )
             return chosen
         said = self.table.stated(chosen)
         units = _OTHER_FORCE_UNITS if quantity == "unknown" else ("1",)
         cure = "" if quantity == "unknown" else "; calibrate it to newtons, or take it as normalised, 1"
-        self.questions.append(
-            Question(
-                about="force",
-                text=f"The force {header!r} is in {said!r}, which is no known unit of force{cure}. In which is it?",
-                choices=tuple((unit, {"unit": unit}) for unit in units),
-            )
+        self.ask(
+            "force",
+            f"The force {header!r} is in {said!r}, which is no known unit of force{cure}. In which is it?",
+            ((unit, {"unit": unit}) for unit in units),
         )
         return chosen
 
@@ -461,7 +430,7 @@ class _Columns:
             choices.append((words, items))
         self.items |= choices[0][1]
         text = "Which column is the force along the cut? --unit gives another unit."
-        self.questions.append(Question(about="force", text=text, choices=tuple(choices), proposed=0))
+        self.ask("force", text, choices, proposed=0)
 
     def goes_on(self, k: int) -> bool:
         """Return whether a column moves smoothly, unlike a force."""
@@ -524,25 +493,19 @@ class _Columns:
         name = f"{sign}{self.name(chosen)}"
         self.items["position"] = self.with_unit(chosen, sign)
         if not self.table.stated(chosen) and len(way_units(self.cells[chosen].values)) > 1:
-            self.questions.append(
-                Question(
-                    about="position",
-                    text=f"In which unit is the position {self.table.header(chosen)!r}?",
-                    choices=tuple(
-                        (each, {"position": f"{name}[{each}]"}) for each in way_units(self.cells[chosen].values)
-                    ),
-                    proposed=0,
-                )
+            self.ask(
+                "position",
+                f"In which unit is the position {self.table.header(chosen)!r}?",
+                ((each, {"position": f"{name}[{each}]"}) for each in way_units(self.cells[chosen].values)),
+                proposed=0,
             )
         if others:
             choices = ((self.table.header(k), {"position": self.name(k)}) for k in others)
-            self.questions.append(
-                Question(
-                    about="position",
-                    text="Which column is the position of the blade?",
-                    choices=((self.table.header(chosen), {"position": self.items["position"]}), *choices),
-                    proposed=0,
-                )
+            self.ask(
+                "position",
+                "Which column is the position of the blade?",
+                ((self.table.header(chosen), {"position": self.items["position"]}), *choices),
+                proposed=0,
             )
         return chosen
 
@@ -560,7 +523,7 @@ class _Columns:
             f"Is {self.table.header(chosen)!r}, which moves, the position of the blade? If not, map it as depth={name}."
         )
         choice = (self.table.header(chosen), {"position": self.items["position"]})
-        self.questions.append(Question(about="position", text=text, choices=(choice,), proposed=0))
+        self.ask("position", text, (choice,), proposed=0)
         return chosen
 
     def is_depth(self, k: int) -> bool:
@@ -585,9 +548,7 @@ class _Columns:
             name, said = self.name(k), self.table.stated(k)
             choices = [(f"{unit}", {"position": f"{name}[{unit}]"}) for unit in ("mm", "cm", "m", "um", "in")]
             text = f"The position {self.table.header(k)!r} is in {said!r}, which is no known unit. In which is it?"
-            self.questions.append(
-                Question(about="position", text=text, choices=(("left out", {}), *choices), proposed=0)
-            )
+            self.ask("position", text, (("left out", {}), *choices), proposed=0)
             return
 
     def rank_of(self, k: int) -> int:

@@ -20,7 +20,7 @@ import numpy as np
 from cutenv._base.imports import optional_import
 from cutenv.records.foreign.array_tables import Series, joined
 from cutenv.records.foreign.named_columns import NamedColumns, bare_name
-from cutenv.records.schema import RecordError
+from cutenv.records.schema import RecordError, reason_of, refusing_damage
 
 BAGS = (".mcap", ".bag", ".db3", ".active")
 """Suffixes of bags: MCAP, ROS 1, ROS 2 in SQLite, and a ROS 1 bag whose recorder was killed (``.bag.active``)."""
@@ -330,17 +330,11 @@ def bag_table(path: Path, names: Collection[str] = ()) -> NamedColumns:
         path.open("rb").close()  # a missing file is a missing file
     topics: dict[str, _Topic] = {}
     notes: list[str] = []
-    try:
+    with refusing_damage(path, "bag of ROS"):
         for topic, received, content in messages(path, notes):
             found = topics.setdefault(topic, _Topic())
             if not found.trouble:
                 _add(found, received, content, topic)
-    except ModuleNotFoundError:
-        raise
-    except Exception as error:  # the libraries raise errors of any kind for a damaged file
-        raise RecordError(
-            path, f"it is no bag of ROS, or a damaged one ({_reason(error)}). Take the file again."
-        ) from None
     sound = {topic: found for topic, found in topics.items() if found.columns and not found.trouble}
     notes += [f"{topic} is left out: {found.trouble}" for topic, found in topics.items() if found.trouble.strip("-")]
     if not sound:
@@ -370,11 +364,7 @@ def _add(found: _Topic, received: int, content: Any, topic: str) -> None:
     except _PictureFound:
         found.trouble = "-"
     except Exception as error:
-        found.trouble = f"a message of it is not read ({_reason(error)})"
-
-
-def _reason(error: Exception) -> str:
-    return str(error).partition("\n")[0] or type(error).__name__
+        found.trouble = f"a message of it is not read ({reason_of(error)})"
 
 
 def _times(topics: Mapping[str, _Topic], notes: list[str]) -> dict[str, list[int]]:

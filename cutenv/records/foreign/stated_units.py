@@ -51,6 +51,12 @@ def known_spelling(text: str) -> StatedUnit | None:
     return _SPELLINGS.get(said) or (None if said in _OWN_CASE else _IN_ANY_CASE.get(said.lower()))
 
 
+def quantity_of(text: str) -> str:
+    """Return the quantity of the unit that a text spells, or ""."""
+    known = known_spelling(text)
+    return "" if known is None else known.quantity
+
+
 def unit_of_field(field: str, text: str) -> str | None:
     """Return a unit's key in ``UNITS[field]``, or None."""
     if field == "force" and text.strip() in ("1", "-"):
@@ -103,8 +109,7 @@ def split_header(header: str) -> tuple[str, str]:
 
 def _is_field_unit(text: str) -> bool:
     """Return whether a text is a force, length or time unit."""
-    known = known_spelling(text)
-    return known is not None and known.quantity in ("force", "length", "time")
+    return quantity_of(text) in ("force", "length", "time")
 
 
 def _plain(text: str) -> str:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from cutenv._base.arrays import Array
 from cutenv.records.foreign.cell_values import CellValues
 from cutenv.records.foreign.named_columns import NamedColumns
-from cutenv.records.foreign.stated_units import known_spelling, split_header
+from cutenv.records.foreign.stated_units import known_spelling, quantity_of, split_header
 
 _SECONDS = re.compile(r"(?:.*[^a-z])?(?:secs?|seconds?|tv_sec)", re.IGNORECASE)
 _PARTS = (  # of a second, by the end of the name
@@ -136,8 +136,7 @@ def _period(table: NamedColumns) -> tuple[int, int] | None:
 
 
 def _is_time(table: NamedColumns, column: int) -> bool:
-    known = known_spelling(table.stated(column))
-    return (known is not None and known.quantity == "time") or bool(TIME_NAME.search(_plain(table.headers[column])))
+    return quantity_of(table.stated(column)) == "time" or bool(TIME_NAME.search(_plain(table.headers[column])))
 
 
 def _plain(header: str) -> str:
@@ -255,9 +254,8 @@ def _names_channels(cells: Sequence[str]) -> bool:
     names = set(cells)
     if not 1 < len(names) <= _MOST_CHANNELS:
         return False
-    units = [known_spelling(split_header(name)[1]) for name in names]
-    told = sum(unit is not None and unit.quantity in ("force", "length") for unit in units)
-    return told > 0 or sum(bool(_CHANNEL.search(re.sub(r"[_\d]", " ", name))) for name in names) > 1
+    told = any(quantity_of(split_header(name)[1]) in ("force", "length") for name in names)
+    return told or sum(bool(_CHANNEL.search(re.sub(r"[_\d]", " ", name))) for name in names) > 1
 
 
 _WAVES = re.compile(r"WAVES\S*\s+(?P<names>.+)", re.IGNORECASE)

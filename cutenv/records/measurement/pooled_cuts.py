@@ -149,27 +149,11 @@ FEWEST_FOR_INCLINED = 4
 """Smallest number of cuts on either side of 67.5 degrees for an estimate of the inclined cuts' additional spread."""
 
 FIELDS = (
-    "intercept_90",
-    "slope_90",
-    "intercept_45",
-    "slope_45",
-    "speed_min",
-    "speed_max",
-    "modulus_between_liver_cv",
-    "modulus_between_cut_cv",
-    "modulus_within_cut_cv",
-    "inclined_between_cut_cv",
-    "correlation_length",
-    "fracture_resistance",
-    "fracture_between_cut_cv",
-    "fracture_within_cut_cv",
-    "friction_share",
-    "eta90",
-    "edge_depth",
-    "crown_depth",
-    "rise_length",
-    "mean_depth",
-)
+    "intercept_90", "slope_90", "intercept_45", "slope_45", "speed_min", "speed_max", "modulus_between_liver_cv",
+    "modulus_between_cut_cv", "modulus_within_cut_cv", "inclined_between_cut_cv", "correlation_length",
+    "fracture_resistance", "fracture_between_cut_cv", "fracture_within_cut_cv", "friction_share", "eta90",
+    "edge_depth", "crown_depth", "rise_length", "mean_depth",
+)  # fmt: skip
 """Fields of a tissue description that are estimated from records."""
 
 _MODULUS_SPREAD = (

@@ -44,6 +44,7 @@ INVARIANCES: dict[Invariance, str] = {
     "units": "doubling a cut's force and depth and the slab's thickness together changes nothing",
 }
 """Invariances that a metric may promise; each has one test for all metrics that do."""
+EVERY: tuple[Invariance, ...] = tuple(INVARIANCES)  # of them
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -285,8 +286,7 @@ _MOTION = ("position",)
 
 @metric(
     "s", "lower", formula="from the first motion to the last, or from the first force", source="cost of the task",
-    validity="without position: while the force is above a tenth of its range",
-    invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
+    validity="without position: while the force is above a tenth of its range", invariances=EVERY,
 )  # fmt: skip
 def duration(cut: ScoredCut) -> float:
     """Duration of the cut."""
@@ -299,8 +299,7 @@ def duration(cut: ScoredCut) -> float:
 
 @metric(
     "s", "lower", formula="time below 0.5 mm/s between the first motion and the last", source="motion analysis",
-    validity="speed from position over 50 ms", needs=_MOTION,
-    invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
+    validity="speed from position over 50 ms", needs=_MOTION, invariances=EVERY,
 )  # fmt: skip
 def idle_time(cut: ScoredCut) -> float:
     """Time for which the blade stood still before it went on."""
@@ -310,8 +309,7 @@ def idle_time(cut: ScoredCut) -> float:
 
 @metric(
     "1", "lower", formula="strokes that go the other way than the one before", source="motion analysis",
-    validity="strokes of 0.2 mm and more", needs=_MOTION,
-    invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
+    validity="strokes of 0.2 mm and more", needs=_MOTION, invariances=EVERY,
 )  # fmt: skip
 def reversals(cut: ScoredCut) -> float:
     """Reversals of the blade's motion."""
@@ -322,8 +320,7 @@ def reversals(cut: ScoredCut) -> float:
 
 @metric(
     "1", "none", formula="minus the arc length of the speed's normalised spectrum, to 10 Hz", validity="rest to rest",
-    source="Balasubramanian et al. 2015, doi 10.1186/s12984-015-0090-9", needs=_MOTION,
-    invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
+    source="Balasubramanian et al. 2015, doi 10.1186/s12984-015-0090-9", needs=_MOTION, invariances=EVERY,
 )  # fmt: skip
 def sparc(cut: ScoredCut) -> float:
     """Smoothness of the motion, by the spectral arc length (SPARC)."""
@@ -332,8 +329,7 @@ def sparc(cut: ScoredCut) -> float:
 
 @metric(
     "1", "none", formula="-ln(T^3 / v_peak^2 integral of (d2v/dt2)^2 dt)", validity="rest to rest",
-    source="Balasubramanian et al. 2015, doi 10.1186/s12984-015-0090-9", needs=_MOTION,
-    invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
+    source="Balasubramanian et al. 2015, doi 10.1186/s12984-015-0090-9", needs=_MOTION, invariances=EVERY,
 )  # fmt: skip
 def log_dimensionless_jerk(cut: ScoredCut) -> float:
     """Smoothness of the motion, by its jerk (LDLJ)."""
@@ -421,7 +417,7 @@ def overshoot(cut: ScoredCut) -> float:
 
 @metric(
     "1", "lower", formula="cot(theta_end)", source="terminal cost of the task", validity="45 to 90 degrees",
-    needs=("angle",), invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
+    needs=("angle",), invariances=EVERY,
 )  # fmt: skip
 def wedge(cut: ScoredCut) -> float:
     """Width of the wedge that an inclined blade leaves uncut at the end, over its depth."""
@@ -454,8 +450,7 @@ def largest_jump(cut: ScoredCut) -> float:
 
 @metric(
     "1", "lower", formula="integral of v^2 abs(dx) / (2 x 0.1 m/s2 x 3 mm x L)", source="cost of the task",
-    validity="speed over 5 ms, or from one reading to the next", needs=("position", "target_length"),
-    invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
+    validity="speed over 5 ms, or from one reading to the next", needs=("position", "target_length"), invariances=EVERY,
 )  # fmt: skip
 def haste(cut: ScoredCut) -> float:
     """Mean way that the blade would need to stop, over 3 mm: how far it goes on when the tissue gives way.

@@ -114,17 +114,8 @@ def _force(cut: ScoredCut) -> list[TechniqueFault]:
     i = int(np.argmax(per_depth))
     if per_depth[i] <= FORCE_LIMIT_PER_DEPTH or _told_end(cut) == "force_limit":
         return []
-    place = None if cut.trace.position is None else float(cut.position[i])
-    return [
-        TechniqueFault(
-            kind="force",
-            time=float(cut.time[i]),
-            position=place,
-            says=f"pressed with {cut.newtons[i]:.1f} N {_where(cut, cut.time[i], place)}: a cut {1e3 * depth[i]:.0f} "
-            f"mm deep allows {FORCE_LIMIT_PER_DEPTH * depth[i]:.1f} N",
-            try_next=EASE_OFF,
-        )
-    ]
+    allowed = f"a cut {1e3 * depth[i]:.0f} mm deep allows {FORCE_LIMIT_PER_DEPTH * depth[i]:.1f} N"
+    return [_seen(cut, "force", i, f"pressed with {cut.newtons[i]:.1f} N {{where}}: {allowed}", EASE_OFF)]
 
 
 def _end(cut: ScoredCut) -> list[TechniqueFault]:
@@ -133,14 +124,13 @@ def _end(cut: ScoredCut) -> list[TechniqueFault]:
     off = float(cut.tip[cut.end]) - cut.length
     beyond = float(cut.tip.max()) - cut.length
     farthest = int(np.argmax(cut.position))  # the end of the cut; any retreat comes after it
-    at = float(cut.time[farthest]), float(cut.position[farthest])
     if beyond > TIP_TOLERANCE:
         says = f"cut {1e3 * beyond:.0f} mm too far"
-        return [TechniqueFault(kind="overshoot", time=at[0], position=at[1], says=says, try_next=SLOW_DOWN)]
+        return [_seen(cut, "overshoot", farthest, says, SLOW_DOWN)]
     if off < -TIP_TOLERANCE:
         says = f"ended {-1e3 * off:.0f} mm short of the target"
         cure = "lead the blade farther: the tissue stretches, and while you feel a pull the cut ends behind the blade"
-        return [TechniqueFault(kind="short", time=at[0], position=at[1], says=says, try_next=cure)]
+        return [_seen(cut, "short", farthest, says, cure)]
     return []
 
 
@@ -164,10 +154,7 @@ def _stop(cut: ScoredCut) -> list[TechniqueFault]:
     if told is None:
         return []
     kind, happened, advice = told
-    last = float(cut.time[-1])
-    place = None if cut.trace.position is None else float(cut.position[-1])
-    says = f"{happened}, {_where(cut, last, place)}{_rest_of(cut)}"
-    return [TechniqueFault(kind=kind, time=last, position=place, says=says, try_next=advice)]
+    return [_seen(cut, kind, -1, f"{happened}, {{where}}{_rest_of(cut)}", advice)]
 
 
 def _rest_of(cut: ScoredCut) -> str:
@@ -185,6 +172,13 @@ def _told_end(cut: ScoredCut) -> str:
     return str(cut.trace.metadata.get("end", ""))
 
 
+def _seen(cut: ScoredCut, kind: str, i: int, says: str, try_next: str) -> TechniqueFault:
+    """Return a fault at a reading, whose place and time are ``{where}``."""
+    time, position = float(cut.time[i]), None if cut.trace.position is None else float(cut.position[i])
+    says = says.format(where=_where(cut, time, position))
+    return TechniqueFault(kind=kind, time=time, position=position, says=says, try_next=try_next)
+
+
 def _where(cut: ScoredCut, time: float, position: float | None) -> str:
     """Return place and time in words, from the record's start."""
     place = "" if position is None else f"at {100.0 * position:.1f} cm, "
@@ -195,15 +189,8 @@ def _wedge(cut: ScoredCut) -> list[TechniqueFault]:
     angle = float(cut.angle[cut.end])
     if abs(0.5 * math.pi - angle) <= ANGLE_TOLERANCE:
         return []
-    return [
-        TechniqueFault(
-            kind="wedge",
-            time=float(cut.time[-1]),
-            position=None if cut.trace.position is None else float(cut.position[-1]),
-            says=f"ended with the blade at {math.degrees(angle):.0f} degrees: a wedge of tissue stays uncut",
-            try_next="set the blade upright before you stop",
-        )
-    ]
+    says = f"ended with the blade at {math.degrees(angle):.0f} degrees: a wedge of tissue stays uncut"
+    return [_seen(cut, "wedge", -1, says, "set the blade upright before you stop")]
 
 
 def _pauses(cut: ScoredCut) -> list[TechniqueFault]:
@@ -214,13 +201,6 @@ def _pauses(cut: ScoredCut) -> list[TechniqueFault]:
     for start, stop in zip(edges[::2], edges[1::2], strict=True):
         length = float(cut.time[min(stop, last)] - cut.time[start])
         if length >= _PAUSE and float(cut.position[start]) < float(cut.position.max()) - 1e-3:
-            found.append(
-                TechniqueFault(
-                    kind="pause",
-                    time=float(cut.time[start]),
-                    position=float(cut.position[start]),
-                    says=f"rested for {length:.1f} s {_where(cut, cut.time[start], cut.position[start])}",
-                    try_next="keep going, slowly and evenly: each new start stretches the tissue again",
-                )
-            )
+            cure = "keep going, slowly and evenly: each new start stretches the tissue again"
+            found.append(_seen(cut, "pause", start, f"rested for {length:.1f} s {{where}}", cure))
     return found

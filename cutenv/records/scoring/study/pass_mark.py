@@ -296,16 +296,13 @@ def _errors(values: Array, curve: NormalCurve, mark: float, sign: float, wrong: 
 NO_EVIDENCE = "no evidence"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class ValidityEvidence:
-    """One source of validity.
-
-    Its name, the question that it answers, and what was found, a sentence each.
-    """
+    """One source of validity."""
 
     source: str
     question: str
-    found: tuple[str, ...]
+    found: tuple[str, ...]  # a sentence each
 
     @property
     def is_there(self) -> bool:
@@ -320,31 +317,22 @@ def validity_evidence(setting: StandardSetting) -> tuple[ValidityEvidence, ...]:
     is enough for a use is for the people who use it to judge.
     """
     first = setting.standards[0]
-    return (
-        ValidityEvidence(
-            source="Content",
-            question="Do the cuts stand for the task that is to be learned?",
-            found=(f"{NO_EVIDENCE}: experts judge this, and no number of these cuts does",),
+    sources = (
+        (
+            "Content",
+            "Do the cuts stand for the task that is to be learned?",
+            (f"{NO_EVIDENCE}: experts judge this, and no number of these cuts does",),
         ),
-        ValidityEvidence(
-            source="Response process",
-            question="Do the records hold what the people did?",
-            found=_records(setting, first),
+        ("Response process", "Do the records hold what the people did?", _records(setting, first)),
+        ("Internal structure", "Would the same people get the same again?", _same(setting, first)),
+        (
+            "Relations to other variables",
+            "Does the number go with experience, and with what raters see?",
+            _relations(setting, first),
         ),
-        ValidityEvidence(
-            source="Internal structure",
-            question="Would the same people get the same again?",
-            found=_same(setting, first),
-        ),
-        ValidityEvidence(
-            source="Relations to other variables",
-            question="Does the number go with experience, and with what raters see?",
-            found=_relations(setting, first),
-        ),
-        ValidityEvidence(
-            source="Consequences", question="Whom does the pass mark judge wrongly?", found=_consequences(first)
-        ),
+        ("Consequences", "Whom does the pass mark judge wrongly?", _consequences(first)),
     )
+    return tuple(ValidityEvidence(source, question, found) for source, question, found in sources)
 
 
 def _records(setting: StandardSetting, standard: Standard) -> tuple[str, ...]:
