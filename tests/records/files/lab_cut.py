@@ -98,6 +98,7 @@ def clock_time(seconds: float) -> str:
 
 
 T, F, X = (TIME, "%.4f"), (FORCE, "%.5f"), (WAY, "%.4f")
+OTHER_F, OTHER_X = (OTHER_FORCE, "%.5f"), (OTHER_WAY, "%.4f")
 GRAMS = (1e3 * FORCE / 9.80665, "%.3f")
 MILLINEWTONS, MICRO_X = (1e3 * FORCE, "%.2f"), (1e3 * WAY, "%.1f")
 STANDARD = table([T, F, X])

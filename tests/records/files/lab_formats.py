@@ -8,5 +8,5 @@ from lab_cut import FORMATS, LabFormat, Truth
 
 __all__ = ["FORMATS", "LabFormat", "Truth"]
 
-for part in ("bags", "binary", "clocks", "exports", "harder", "loggers", "machines", "recorders", "variants"):
+for part in ("bags", "binary", "odd", "programs"):
     import_module(f"lab_{part}")
