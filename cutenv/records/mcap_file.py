@@ -9,7 +9,7 @@ import struct
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,11 +59,7 @@ _DEFINITIONS = {
 }
 
 
-class _Message(NamedTuple):
-    """Message to write: log time [ns] and bytes."""
-
-    stamp: int
-    content: bytes
+_Messages = Iterator[tuple[int, bytes]]  # log time [ns] and content of each
 
 
 def write(traces: Sequence[Trace], path: Path) -> None:
@@ -200,7 +196,7 @@ def _parts_of(stamp: int) -> tuple[int, int]:
     return min(seconds, 2**31 - 1), nanoseconds
 
 
-def _readings(trace: Trace, stamps: list[int]) -> Iterator[_Message]:
+def _readings(trace: Trace, stamps: list[int]) -> _Messages:
     rows: NDArray[Any] = np.zeros(len(trace), _READING)
     rows["cdr"] = np.void(_BYTES_AS_CDR)
     rows["values"] = np.nan
@@ -208,10 +204,10 @@ def _readings(trace: Trace, stamps: list[int]) -> Iterator[_Message]:
         rows["values"][:, _FIELDS.index(name)] = getattr(trace, name)
     for stamp, row in zip(stamps, rows, strict=True):
         row["seconds"], row["nanoseconds"] = _parts_of(stamp)
-        yield _Message(stamp, row.tobytes())
+        yield stamp, row.tobytes()
 
 
-def _wrenches(trace: Trace, stamps: list[int]) -> Iterator[_Message]:
+def _wrenches(trace: Trace, stamps: list[int]) -> _Messages:
     if trace.wrench is not None:
         frame, values = b"sensor\0", trace.wrench
     else:
@@ -220,10 +216,10 @@ def _wrenches(trace: Trace, stamps: list[int]) -> Iterator[_Message]:
         values[:, 2] = 0.0 if trace.vertical_force is None else trace.vertical_force
     layout = struct.Struct(f"<4siII{len(frame)}s{-(12 + len(frame)) % 8}x6d")
     for stamp, row in zip(stamps, values.tolist(), strict=True):
-        yield _Message(stamp, layout.pack(_BYTES_AS_CDR, *_parts_of(stamp), len(frame), frame, *row))
+        yield stamp, layout.pack(_BYTES_AS_CDR, *_parts_of(stamp), len(frame), frame, *row)
 
 
-def _joints(trace: Trace, stamps: list[int]) -> Iterator[_Message]:
+def _joints(trace: Trace, stamps: list[int]) -> _Messages:
     """Yield joint states: feed along the cut, and known blade tilt."""
     assert trace.position is not None
     joints = {b"feed\0": (trace.position, trace.blade_speed if trace.speed is None else trace.speed)}
@@ -237,4 +233,4 @@ def _joints(trace: Trace, stamps: list[int]) -> Iterator[_Message]:
     where, fast = (np.column_stack(values).tolist() for values in zip(*joints.values(), strict=True))
     for stamp, places, speeds in zip(stamps, where, fast, strict=True):
         head = stamp_layout.pack(_BYTES_AS_CDR, *_parts_of(stamp))
-        yield _Message(stamp, head + fixed + body.pack(count, *places, count, *speeds, 0))
+        yield stamp, head + fixed + body.pack(count, *places, count, *speeds, 0)

@@ -91,7 +91,9 @@ def _spread(time: Array, notes: list[str]) -> tuple[RowNumbers, Array]:
         return every, time
     first = np.concatenate(([True], ~same))
     starts = np.flatnonzero(first)
-    if np.count_nonzero(~first) <= max(_FEW * len(time), 1) or len(starts) < 3 or _only_first(starts, len(time)):
+    n_repeated = np.count_nonzero(~first)
+    before_trigger = len(starts) > 1 and n_repeated == starts[1] - 1  # the first time alone repeats
+    if n_repeated <= max(_FEW * len(time), 1) or len(starts) < 3 or before_trigger:
         return starts, time[starts]
     counts = np.diff(np.append(starts, len(time)))
     ticks = time[starts]
@@ -107,8 +109,3 @@ def _spread(time: Array, notes: list[str]) -> tuple[RowNumbers, Array]:
     fine = np.repeat(ticks, counts) + (every - np.repeat(starts, counts)) * np.repeat((ends - ticks) / counts, counts)
     notes.append(f"times are printed in steps of {np.median(np.diff(ticks)):.3g} s; readings between them are spread.")
     return every, fine
-
-
-def _only_first(starts: RowNumbers, n: int) -> bool:
-    """Return whether only the first time repeats, before a trigger."""
-    return len(starts) > 1 and n - len(starts) == int(starts[1]) - 1

@@ -193,8 +193,9 @@ def read_workbook(path: Path, names: Collection[str] = ()) -> NamedColumns:
         sheets = {name: sheet.to_python(skip_empty_area=False) for name, sheet in found.items()}
     tables, empty = {}, {}
     for name, rows in sheets.items():
+        lines = ["\t".join(map(_cell_text, row)).rstrip() for row in rows]
         try:
-            tables[name] = replace(sniff_table(path, _sheet_lines(rows)), row_name="row", about=f"sheet {name!r}")
+            tables[name] = replace(sniff_table(path, lines), row_name="row", about=f"sheet {name!r}")
         except RecordError as error:
             empty[name] = error.reason
     if not tables:
@@ -211,11 +212,6 @@ def read_workbook(path: Path, names: Collection[str] = ()) -> NamedColumns:
     if len(alike) == 1:
         return replace(tables[main], notes=(*tables[main].notes, *notes))
     return below_one_another(path, f"{len(alike)} sheets", list(alike.items()), notes)
-
-
-def _sheet_lines(rows: Sequence[Sequence[Any]]) -> list[str]:
-    """Return rows of cells as lines with tabs."""
-    return ["\t".join(map(_cell_text, row)).rstrip() for row in rows]
 
 
 def _cell_text(cell: Any) -> str:

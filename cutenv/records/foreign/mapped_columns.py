@@ -340,7 +340,9 @@ def columns_in_si(
 
 def along_cut(expression: Expression, components: Array) -> Array:
     """Return the force along the cut [force unit], from components (n, k)."""
-    return expression.sign * _norm(components) if expression.is_norm else components[:, 0]
+    if not expression.is_norm:
+        return components[:, 0]
+    return np.asarray(expression.sign * np.sqrt(np.einsum("ij,ij->i", components, components)))
 
 
 def separating_columns(table: NamedColumns, mapping: ColumnMap, rows: RowNumbers, time: Array) -> tuple[str, ...]:
@@ -545,7 +547,3 @@ def _header_unit(table: NamedColumns, place: int, field: str, expression: Expres
                 "correct the header.",
             ) from None
         return None
-
-
-def _norm(components: Array) -> Array:
-    return np.asarray(np.sqrt(np.einsum("ij,ij->i", components, components)))

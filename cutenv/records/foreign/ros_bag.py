@@ -6,6 +6,7 @@ Every number of every message is a column. A file is read up to where a killed r
 from __future__ import annotations
 
 import bz2
+import functools
 import json
 import struct
 import zlib
@@ -59,15 +60,13 @@ def messages(path: Path, notes: list[str]) -> Iterator[Message]:
         reading = optional_import("rosbags.highlevel", "rosbags", "A bag of ROS", extra="ros")
         with reading.AnyReader([path], default_typestore=_store("ROS2_HUMBLE")) as reader:
             for connection, received, content in reader.messages():
-                yield Message(connection.topic, received, _deferred(reader.deserialize, content, connection.msgtype))
+                yield Message(
+                    connection.topic, received, functools.partial(reader.deserialize, content, connection.msgtype)
+                )
 
 
 def _bound(function: Callable[..., Any], kind: str) -> Callable[[bytes], Any]:
     return lambda content: function(content, kind)
-
-
-def _deferred(function: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
-    return lambda: function(*arguments)
 
 
 def _in_mcap(path: Path, notes: list[str]) -> Iterator[Message]:
@@ -94,7 +93,7 @@ def _in_mcap(path: Path, notes: list[str]) -> Iterator[Message]:
                 number, _, logged, published = struct.unpack_from("<HIQQ", body)
                 topic, decode = decoders[number]
                 count += 1
-                yield Message(topic, logged or published, _deferred(decode, body[22:]))
+                yield Message(topic, logged or published, functools.partial(decode, body[22:]))
     if not is_whole:
         notes.append(f"{path.name}: the recorder was killed, or the file lost its end; {count} messages up to there")
 
@@ -162,7 +161,7 @@ def _in_ros1(path: Path, notes: list[str]) -> Iterator[Message]:
                 seconds, nanoseconds = struct.unpack("<II", fields["time"])
                 topic, decode = decoders[number]
                 count += 1
-                yield Message(topic, seconds * 1_000_000_000 + nanoseconds, _deferred(decode, body))
+                yield Message(topic, seconds * 1_000_000_000 + nanoseconds, functools.partial(decode, body))
     if not is_whole:
         notes.append(f"{path.name}: the recorder was killed, so it has no index; {count} messages up to there")
 

@@ -530,11 +530,10 @@ def _header_of(above: Sequence[str], dialect: Dialect, length: int, numeric: Seq
     if not written:
         return _Header((), (), "nothing stands above them")
     rows = [_header_cells(line, dialect, length) for line in filled[-16:] if line.lstrip()[:1] != "{"]
-    labelled = _labelled(rows, length)
+    labelled_names, labelled_units = _labelled(rows, length)
     units, names = _names_and_units([row for row in rows[-8:] if not _label_of(row)], length)
-    if labelled.units or (labelled.names and not units):
-        names = labelled.names or names
-        units = labelled.units or units
+    if labelled_units or (labelled_names and not units):
+        names, units = labelled_names or names, labelled_units or units
     if units and any(_IN_VOLTS.search(line) for line in written):  # the units are those after a calibration
         units = tuple("V" if unit else "" for unit in units)
     if len(rows[-1:] and rows[-1]) == length > 1 and rows[-1][0] and not any(rows[-1][1:]) and len(names) >= length:
@@ -594,14 +593,7 @@ _LABELS = {
 }
 
 
-class _Labelled(NamedTuple):
-    """Names and units from lines labelled in the first cell."""
-
-    names: list[str]
-    units: tuple[str, ...]
-
-
-def _labelled(rows: list[list[str]], length: int) -> _Labelled:
+def _labelled(rows: list[list[str]], length: int) -> tuple[list[str], tuple[str, ...]]:
     """Return names and units of lines with a leading label."""
     found: dict[str, list[str]] = {}
     for cells in rows:
@@ -611,7 +603,7 @@ def _labelled(rows: list[list[str]], length: int) -> _Labelled:
         before = max(0, length + 1 - len(cells))  # a label above counter and time, or above the first column
         found[what] = [*[""] * before, *cells[1:]][:length]
     units, names = found.get("units", []), found.get("names", [])
-    return _Labelled(names, tuple(units) if _are_units(units) else ())
+    return names, tuple(units) if _are_units(units) else ()
 
 
 def _label_of(cells: list[str]) -> str:

@@ -340,7 +340,8 @@ def _lines(readings: Readings) -> Iterator[Fault]:
     hertz, fine = (k + 3) * rate / len(force), 1.5 * rate / len(force)
     overtones = [n * each for each in MAINS for n in (1, 2, 3)]
     direct = next((each for each in overtones if abs(each - hertz) < fine and each < 0.5 * rate), None)
-    alias = next((each for each in overtones if each >= 0.5 * rate and abs(_alias(each, rate) - hertz) < fine), None)
+    seen_as = {each: abs(each - round(each / rate) * rate) for each in overtones if each >= 0.5 * rate}
+    alias = next((each for each, shown in seen_as.items() if abs(shown - hertz) < fine), None)
     size = math.sqrt(2.0) * float(np.std(force - slow))
     seen = f"{hertz:.3g} Hz of {size:.2g} while the blade rests"
     if direct is None and alias is not None:
@@ -350,8 +351,3 @@ def _lines(readings: Readings) -> Iterator[Fault]:
     else:
         cure = "Earth the shield of the cable at one end, and keep it from cables of the mains and motors."
         yield Fault("hum", readings.all_rows, "possible" if direct is None else "likely", seen, cure)
-
-
-def _alias(hertz: float, rate: float) -> float:
-    """Return a frequency's alias at ``rate`` readings a second [Hz]."""
-    return abs(hertz - round(hertz / rate) * rate)

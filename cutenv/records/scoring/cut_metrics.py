@@ -140,10 +140,6 @@ DROP_SHARE = 0.1
 """Smallest fall of the force that counts as a drop, as a fraction of its range."""
 
 
-def _advancing(cut: ScoredCut) -> Array:
-    return cut.force[cut.advancing]
-
-
 @metric(
     "N/m", "lower", formula="max F/B", source="limit of the task", validity=_ALL, needs=_PER_DEPTH,
     invariances=("time_shift", "resampling", "rest_after", "units"),
@@ -177,7 +173,7 @@ def rms_force_per_depth(cut: ScoredCut) -> float:
 )  # fmt: skip
 def peak_force(cut: ScoredCut) -> float:
     """Largest force: a safety limit, not a skill."""
-    return float(_advancing(cut).max())
+    return float(cut.force[cut.advancing].max())
 
 
 @metric(

@@ -93,7 +93,7 @@ def task_points(cut: ScoredCut, metrics: Mapping[str, float]) -> tuple[ScorePoin
     charge = sum(charged.values()) + (BEYOND_LIMIT if fault else 0.0)
     counts = 1.0 if success else math.exp(-charge / MISSED)
     missed = "" if success else fault or _missed(cut)
-    less = "" if success else f"; {missed}, so it counts {counts:.0%}: {_dearest(charged)}"
+    less = "" if success else f"; {missed}, so it counts {counts:.0%}: {_WORDS[max(charged, key=charged.__getitem__)]}"
     side = "short of" if end < length else "beyond"
     gained = (
         ("limits", LIMIT_POINTS, float(not fault), fault or f"not too long, not too much force{less}"),
@@ -126,7 +126,7 @@ def task_points(cut: ScoredCut, metrics: Mapping[str, float]) -> tuple[ScorePoin
         return gentle
     share = 1.0 - MAP_POINTS / 100.0
     counts *= way * (1.0 if success else MAP_MISSED)
-    of_map = MAP_POINTS * counts * _share(1.0 - found.cost(length) / MAP_COST)
+    of_map = MAP_POINTS * counts * min(max(1.0 - found.cost(length) / MAP_COST, 0.0), 1.0)
     added = ScorePoints(part=found.part, points=of_map, most=MAP_POINTS, reason=f"{found.words(length)}{less}")
     gentle = tuple(dataclasses.replace(each, points=share * each.points, most=share * each.most) for each in gentle)
     return *gentle, added
@@ -161,11 +161,6 @@ def charges(cut: ScoredCut, metrics: Mapping[str, float]) -> dict[str, float]:
 def _left(charged: float, halved: float) -> float:
     """Return the share left by a charge, half at ``halved``."""
     return halved / (halved + charged)
-
-
-def _dearest(charged: Mapping[str, float]) -> str:
-    """Return in words what was charged most."""
-    return _WORDS[max(charged, key=lambda name: charged[name])]
 
 
 def is_success(cut: ScoredCut) -> bool:
@@ -233,7 +228,3 @@ def _success(cut: ScoredCut, *, success: bool) -> str:
     if ended != "finished":
         return f"the cut was not finished: {ended}"
     return _map_missed(cut) or "the blade must end upright"
-
-
-def _share(value: float) -> float:
-    return min(max(value, 0.0), 1.0)

@@ -204,12 +204,6 @@ def test_what_is_wrong_is_said_with_file_line_and_cure(file, name):
     check_refused(file, message)
 
 
-def test_a_good_file_is_not_refused(file):
-    file.write_text(GOOD)
-    with pytest.raises(pytest.fail.Exception):
-        check_refused(file, ".")
-
-
 def test_a_direction_that_is_not_there_is_refused(file):
     file.write_text("time_s,force_x_N,force_y_N\n0,1,1\n0.1,1,1\n")
     check_refused(file, "force='-z' asks for force_z, but it holds force_x and force_y", force="-z")

@@ -68,12 +68,6 @@ def test_the_zero_is_found_within_the_noise(sensor: SensorParameters, offset: fl
     check_tare(force_only(trace), offset, sensor)
 
 
-def test_a_zero_that_is_off_is_noticed() -> None:
-    trace, *_ = long_record(offset=0.3)
-    with pytest.raises(AssertionError):
-        check_tare(trace, 0.31, MILD)
-
-
 def test_a_spike_does_not_move_the_zero() -> None:
     trace, *_ = long_record(offset=0.3)
     force = trace.force.copy()
@@ -108,12 +102,6 @@ def test_a_long_record_is_split_at_the_pauses(sensor: SensorParameters, speed: f
     trace, starts, ends = long_record(sensor=sensor, speed=speed, turns=turns)
     check_cuts(trace, starts, ends, late=0.3)  # the blade comes to rest, then dwells for 0.2 s
     check_cuts(force_only(trace), starts, ends, late=0.3)
-
-
-def test_a_start_that_is_off_is_noticed() -> None:
-    trace, starts, ends = long_record()
-    with pytest.raises(AssertionError):
-        check_cuts(trace, [start + 0.04 for start in starts], ends, late=0.3)
 
 
 def test_a_blade_that_stays_loaded_is_one_cut() -> None:

@@ -410,11 +410,6 @@ def test_a_file_without_a_mapping_is_offered_one_by_names_and_units(tmp_path: Pa
         load_foreign(path)
 
 
-def test_a_missing_file_is_an_os_error(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError):
-        load_foreign(tmp_path / "none.csv", SIMPLE)
-
-
 def test_search_parameters_are_used(tmp_path: Path) -> None:
     content, _ = long_file()
     mapping = ColumnMap.parse(["time=t", "force=Fx[N]"])

@@ -145,12 +145,6 @@ def test_a_damaged_record_of_ours_and_what_is_no_table_are_not_sent_to_the_mappi
     assert "--map" not in caught.value.reason
 
 
-def test_a_mapping_is_for_files_of_other_programs(tmp_path: Path) -> None:
-    save(cuts(), tmp_path / "record.h5")
-    with pytest.raises(RecordError, match="a mapping is for other programs' files"):
-        read_record(tmp_path / "record.h5", MAPPING)
-
-
 @pytest.mark.parametrize("name", ["none.csv", "none.txt", "none.h5"])
 def test_a_missing_file_is_an_os_error(name: str, tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_up import FULL, traces
 
-from cutenv.records import SCHEMA, RecordError, load, load_one, save
+from cutenv.records import SCHEMA, RecordError, load, save
 from cutenv.sim.trace import Reading, Trace
 from scripts.benchmarks.speed import reading
 from scripts.validation.records import record_trials
@@ -39,12 +39,6 @@ def folder(tmp_path_factory):
 def test_any_traces_come_back_to_the_last_bit(folder, suffix, given):
     save(given, folder / f"any{suffix}")
     check_same(load(folder / f"any{suffix}"), given)
-
-
-@pytest.mark.parametrize("suffix", SUFFIXES)
-def test_one_cut_is_saved_and_loaded_as_one(tmp_path, suffix):
-    save(FULL, tmp_path / f"cut{suffix}")
-    check_same([load_one(tmp_path / f"cut{suffix}")], [FULL])
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)

@@ -227,12 +227,6 @@ def test_moduli_belong_to_the_model_that_was_asked_for() -> None:
     assert abs(other.intercept_90 / plain.intercept_90 - 1.0) > 0.03
 
 
-def test_cuts_that_are_together_no_tissue_are_refused_with_the_number() -> None:
-    tough = [dataclasses.replace(cut, fracture=dataclasses.replace(cut.fracture, corrected=1e6)) for cut in cuts()]
-    with pytest.raises(ValueError, match=r"fracture_resistance = 1e\+06 J/m2 is outside"):
-        tissue_of(tough, MODEL, resamples=0)
-
-
 # What is written and read.
 
 

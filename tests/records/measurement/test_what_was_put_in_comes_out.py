@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -136,12 +135,6 @@ def test_friction_comes_out_of_every_cut() -> None:
 def test_the_formula_that_takes_the_blade_for_the_tip_is_noticed() -> None:
     with pytest.raises(AssertionError):
         check_resistance(measured(), by="apparent")
-
-
-def test_the_friction_of_another_cut_is_noticed() -> None:
-    cuts = measured()
-    with pytest.raises(AssertionError):
-        check_friction([(cut, specimen) for (cut, _), (_, specimen) in itertools.pairwise(cuts)])
 
 
 def test_moduli_come_out_of_every_cut_that_has_some() -> None:

@@ -197,13 +197,6 @@ def test_components_of_variance_are_recovered_without_bias(sizes: list[int]) -> 
     check_components(np.array([nested_variances(each, groups, np.ones(len(groups))) for each in values]))
 
 
-def test_the_plain_variance_of_the_group_means_is_noticed() -> None:
-    values, groups = drawn_groups([2, 9, 1, 4], 8000)
-    means = np.stack([values[:, groups == k].mean(axis=1) for k in range(4)], axis=1)
-    with pytest.raises(AssertionError):
-        check_components(np.stack([means.var(axis=1, ddof=1), np.full(len(means), 0.04)], axis=1))
-
-
 def test_balanced_groups_give_what_the_thesis_tables_are_treated_with() -> None:
     values, groups = drawn_groups([4, 4, 4], 20)
     for each in values:

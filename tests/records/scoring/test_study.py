@@ -72,12 +72,6 @@ def test_correlations_are_those_of_shrout_and_fleiss() -> None:
     check_published_correlations(SHROUT_FLEISS)
 
 
-@pytest.mark.parametrize("axis", [0, 1])
-def test_another_table_is_noticed(axis: int) -> None:
-    with pytest.raises(AssertionError):
-        check_published_correlations(np.sort(SHROUT_FLEISS, axis=axis))
-
-
 @given(tables.filter(rows_differ), st.floats(0.1, 100.0), st.floats(-100.0, 100.0))
 def test_correlations_do_not_depend_on_unit_zero_or_order(table: np.ndarray, unit: float, zero: float) -> None:
     found = intraclass_correlation(table)
@@ -150,11 +144,6 @@ def check_montgomerys_column(found: Cusum) -> None:
 
 def test_pages_cusum_is_that_of_montgomery() -> None:
     check_montgomerys_column(cusum(MONTGOMERY, 10.0, 1.0, slack=0.5, threshold=5.0))
-
-
-def test_another_slack_is_noticed() -> None:
-    with pytest.raises(AssertionError):
-        check_montgomerys_column(cusum(MONTGOMERY, 10.0, 1.0, slack=0.4, threshold=5.0))
 
 
 def run_length(mean: float, rng: np.random.Generator) -> int:
