@@ -1,7 +1,4 @@
-"""Record on disk that grows during the cut.
-
-It stays readable whatever happens to the process.
-"""
+"""Record on disk that grows during the cut. It stays readable whatever happens to the process."""
 
 from __future__ import annotations
 
@@ -23,16 +20,12 @@ from cutenv.records.provenance import check_operator
 from cutenv.records.schema import RecordError, header_of
 from cutenv.sim.trace import CHANNELS, Reading, limits
 
-SYNCED_EVERY = 0.8
-"""Time between two flushes to the disk [s]: with the duration of a flush, a second."""
+SYNCED_EVERY = 0.8  # time between two flushes to the disk [s]: with the duration of a flush, a second
 _PATIENCE = 5.0  # [s] with a disk that does not respond
 
 
 class RecordingFailed(OSError):
-    """Error for a disk that takes no more of the record.
-
-    Full, gone or unresponsive; the part on it can be read.
-    """
+    """Error for a disk that takes no more of a record, which stays readable."""
 
 
 class AppendingRecord:

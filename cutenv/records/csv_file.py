@@ -1,7 +1,4 @@
-"""Records as CSV.
-
-Comments with schema and metadata, a row of headers with units, a row for each reading.
-"""
+"""Records as CSV. Comments with schema and metadata, a row of headers with units, a row for each reading."""
 
 from __future__ import annotations
 
@@ -132,10 +129,7 @@ def read_metadata(path: Path) -> dict[str, Any]:
 
 
 def is_own(path: Path) -> bool:
-    """Return whether a file begins as a record of this package.
-
-    The schema shows it, or headers that have units.
-    """
+    """Return whether a file begins as a record of this package. The schema shows it, or headers that have units."""
     with path.open(encoding="latin-1") as file:  # any bytes will do: only the beginning counts
         for line in file:
             text = line.removeprefix("\xef\xbb\xbf").strip()

@@ -1,7 +1,4 @@
-"""Reading of any record.
-
-A file of this package, or of another program, through a mapping of its columns or topics.
-"""
+"""Reading of any record, of another program by a mapping of its columns."""
 
 from __future__ import annotations
 
@@ -246,10 +243,7 @@ def look_at(
 
 
 class OpenQuestions(RecordError):
-    """Error for a file with questions that need a person's answer.
-
-    `asked` has the questions.
-    """
+    """Error for a file whose questions, `asked`, need an answer."""
 
     def __init__(self, path: Path, asked: Proposal) -> None:
         questions = " ".join(map(str, asked.questions))
@@ -335,14 +329,11 @@ def _tare(readings: MappedReadings, whole: Trace, record: RecordRows, search: Cu
 
 
 class _Searched(NamedTuple):
-    """A record as it is and tared.
-
-    Offsets and length of its quiet start; the cuts that were found in it.
-    """
+    """Record as it is and tared, with its cuts."""
 
     whole: Trace
     tared: Trace
-    tare: tuple[Array, int] | None
+    tare: tuple[Array, int] | None  # offsets, and length of its quiet start
     cuts: tuple[FoundCut, ...]
 
 

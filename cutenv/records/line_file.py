@@ -1,7 +1,4 @@
-"""Drawn lines as files.
-
-Places along and across the slab, from the clamp on.
-"""
+"""Drawn lines as files of places along and across the slab."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Records as Parquet.
-
-One table with units in the names of its columns, schema and metadata beside it.
-"""
+"""Records as Parquet. One table with units in the names of its columns, schema and metadata beside it."""
 
 from __future__ import annotations
 

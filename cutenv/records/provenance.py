@@ -1,7 +1,4 @@
-"""Provenance of a record.
-
-Rig, sensor, blade, specimen, day, consent, calibration; operator, group, session, order.
-"""
+"""Provenance of a record. Rig, sensor, blade, specimen, day, consent, calibration; operator, group, session, order."""
 
 from __future__ import annotations
 
@@ -198,8 +195,7 @@ def _json_copy(calibration: object) -> Mapping[str, Any]:
 
 NEEDED = ("record", "operator")
 OPTIONAL = ("group", "session", "order")
-MARKS = "rater"
-"""Beginning of the columns of marks, which are left alone unless they are asked for."""
+MARKS = "rater"  # beginning of the columns of marks, which are left alone unless they are asked for
 _CURE = f"Give {' and '.join(NEEDED)}, and where the study has them {', '.join(OPTIONAL)}."
 
 

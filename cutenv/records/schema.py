@@ -1,7 +1,4 @@
-"""Version, JSON content and columns of record files.
-
-A reader raises the error for a bad file.
-"""
+"""Version, JSON content, columns and error of record files."""
 
 from __future__ import annotations
 
@@ -84,8 +81,7 @@ def _no_constant(name: str) -> None:
     raise ValueError(f"{name} is no number")
 
 
-UTF_16 = (b"\xff\xfe", b"\xfe\xff")
-"""First bytes of text in UTF-16."""
+UTF_16 = (b"\xff\xfe", b"\xfe\xff")  # first bytes of text in UTF-16
 
 _BEGINNINGS = {
     b"PAR1": "Parquet",

@@ -1,7 +1,4 @@
-"""Columns of a record's file.
-
-The common form into which every format is read, and from which traces are made.
-"""
+"""Columns of a record's file. The common form into which every format is read, and from which traces are made."""
 
 from __future__ import annotations
 
@@ -17,8 +14,7 @@ from cutenv._base.arrays import Array
 from cutenv.records.schema import AXES, UNITS, Column, header_of, parse_header
 from cutenv.sim.trace import CHANNELS, COMPONENTS_OF_FORCE, Trace, limits
 
-CUT_COLUMN = "cut"
-"""Name of the column with the number of the cut."""
+CUT_COLUMN = "cut"  # name of the column with the number of the cut
 
 ALONG_KEY = "force_along_cut"
 """Key in the metadata: computation of the force along the cut from its components, one of :data:`ALONG_CUT`."""

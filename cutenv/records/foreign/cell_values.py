@@ -1,7 +1,4 @@
-"""Cells of a text table as numbers.
-
-Decimal signs, thousands, units in the cell, dates, clocks and durations.
-"""
+"""Cells of a text table as numbers. Decimal signs, thousands, units in the cell, dates, clocks and durations."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Times of a record as a clock printed them.
-
-Set back, restarted, printed too coarsely, out of order, repeated.
-"""
+"""Times of a record as a clock printed them. Set back, restarted, printed too coarsely, out of order, repeated."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Search for the cuts in a long record.
-
-The sensor's zero, the first contact, the end, the pauses between.
-"""
+"""Search for the cuts in a long record. The sensor's zero, the first contact, the end, the pauses between."""
 
 from __future__ import annotations
 
@@ -73,8 +70,7 @@ class FoundCut:
         return slice(self.start, self.stop)
 
 
-STANDARD = CutSearch()
-"""Search with the default criteria."""
+STANDARD = CutSearch()  # search with the default criteria
 
 
 def noise_level(force: Array) -> float:

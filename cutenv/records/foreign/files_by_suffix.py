@@ -232,8 +232,7 @@ _READERS: dict[str, _Reader] = {
     ".tdms": read_tdms,
     **dict.fromkeys((".xdf", ".xdfz"), read_xdf),
 }
-FOREIGN_SUFFIXES = (*_READERS, *WORKBOOKS)
-"""Suffixes of the formats that are no text."""
+FOREIGN_SUFFIXES = (*_READERS, *WORKBOOKS)  # suffixes of the formats that are no text
 PACKED = ".gz"
 
 

@@ -33,8 +33,7 @@ from cutenv.records.foreign.named_columns import NamedColumns
 from cutenv.records.schema import RecordError, unit_of
 from cutenv.sim.trace import Reading
 
-SCOPES = ("machine", "link", "site")
-"""Reach of a stream: on this machine alone, on its local network, or at its site."""
+SCOPES = ("machine", "link", "site")  # reach of a stream: on this machine alone, on its local network, or at its site
 _chosen: str | None = None  # a process has one scope: liblsl reads its settings once
 
 
@@ -62,8 +61,7 @@ def lsl(scope: str | None = None) -> Any:
     return pylsl
 
 
-STREAMED = Reading._fields[1:]
-"""Channels of the stream of readings."""
+STREAMED = Reading._fields[1:]  # channels of the stream of readings
 _RATE = 1000.0  # readings a second
 _LONGEST_WAIT = 2.0  # [s] for what is still to be sent when the outlet is closed
 
@@ -113,10 +111,7 @@ class LslOutlet:
         self._mark(f"end {cause}")
 
     def close(self) -> None:
-        """Send waiting readings and end the streams.
-
-        Further calls do nothing.
-        """
+        """Send waiting readings and end the streams. Further calls do nothing."""
         self._waiting.put(None)
         self._thread.join(_LONGEST_WAIT)
 
@@ -134,10 +129,8 @@ class LslOutlet:
         del self._readings, self._markers  # which tells liblsl that the streams are over
 
 
-FIND_WITHIN = 3.0
-"""Time in which a stream must be found [s]."""
-SILENCE = 5.0
-"""Time without a sample after which a stream is over [s]."""
+FIND_WITHIN = 3.0  # time in which a stream must be found [s]
+SILENCE = 5.0  # time without a sample after which a stream is over [s]
 _UNITS = {"newton": "N", "newtons": "N", "millimeters": "mm", "millimetres": "mm", "meters": "m", "metres": "m"}
 _SECOND_LOOK = 0.3  # [s] for a second stream of the same name
 _CHUNK = 0.2  # [s] of waiting for samples at a time

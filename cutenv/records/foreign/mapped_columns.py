@@ -23,8 +23,7 @@ from cutenv.records.foreign.stated_units import QUANTITY_OF, known_spelling
 from cutenv.records.schema import FIELD_UNITS, UNITS, RecordError
 from cutenv.sim.trace import Trace, limits
 
-LEAST_RATE, GREATEST_RATE = 1.0, 1e5
-"""Readings a second of a record [Hz], beyond which its unit of time must be wrong."""
+LEAST_RATE, GREATEST_RATE = 1.0, 1e5  # readings a second of a record [Hz], beyond which its unit of time must be wrong
 _USUAL_RATE = (4.0, 5e4)  # [Hz]
 _USUAL_TIME = (0.2, 3.6e4)  # [s]
 _USUAL_WAY = (2e-3, 0.25)  # [m]
@@ -86,9 +85,7 @@ def way_units(values: Array) -> tuple[str, ...]:
 
 _Mask = NDArray[np.bool_]
 
-STAMP = "stamp"
-"""Name of the column with the time of a reading."""
-
+STAMP = "stamp"  # name of the column with the time of a reading
 _LARGEST = 1e12  # a greater value is not a reading, in any unit
 _SPARSE = 0.05  # share of empty cells above which a column is slower than the others, not damaged
 _SPIKE, _SPIKE_NOISE = 1.5, 30.0  # ranges of the record, and noises, beyond which one reading alone is impossible

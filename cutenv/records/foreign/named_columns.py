@@ -1,7 +1,4 @@
-"""Named columns of a foreign file, whatever its format.
-
-A mapping, or the proposal of one, is made from them.
-"""
+"""Named columns of a foreign file, whatever its format. A mapping, or the proposal of one, is made from them."""
 
 from __future__ import annotations
 
@@ -26,13 +23,10 @@ RowNumbers = NDArray[np.intp]
 
 @dataclass(frozen=True, kw_only=True)
 class LeftOut:
-    """Rows of a file that are in no record.
-
-    Their number, and the reason in words.
-    """
+    """Rows of a file that are in no record."""
 
     count: int
-    reason: str
+    reason: str  # in words
 
     def __str__(self) -> str:
         return f"{self.count} row{'' if self.count == 1 else 's'} left out: {self.reason}"

@@ -401,10 +401,7 @@ class _Columns:
         return chosen
 
     def likely_unit(self, force: int) -> str | None:
-        """Return the likely unit of a force without one: usually newtons.
-
-        None for whole numbers of a converter.
-        """
+        """Return the likely unit of a force without one: usually newtons. None for whole numbers of a converter."""
         values = self.known(force)
         span = float(np.ptp(values))
         if len(values) >= _FEWEST and span > _FEWEST_COUNTS and bool((values % 1.0 == 0.0).all()):
@@ -593,10 +590,7 @@ def _is_filled(known: NDArray[np.bool_]) -> bool:
 
 
 def _axis_of_place(header: str, headers: Sequence[str]) -> str:
-    """Return a position column's axis, as of ``tip_x``, or "".
-
-    The record must have all three axes and a force.
-    """
+    """Return a position column's axis, as of ``tip_x``, or "". The record must have all three axes and a force."""
     header, *every = [re.sub(_CAMEL, "_", each.strip()).lower() for each in (header, *headers)]
     name, axis = header[:-1], header[-1:]
     if axis not in "xyz" or not all(f"{name}{each}" in every for each in "xyz"):

@@ -279,21 +279,16 @@ _FEW_REPEATED = 0.1  # share of repeated stamps up to which they are a slip, and
 
 
 class _PictureFound(Exception):
-    """Signal for a topic of pictures or point clouds.
-
-    Its few numbers are their sizes.
-    """
+    """Signal for a topic of pictures, whose few numbers are sizes."""
 
 
 @dataclass
 class _Topic:
-    """Messages of a topic.
+    """Messages of a topic."""
 
-    Their times [ns], and the numbers in them by header, with the messages that hold them.
-    """
-
-    stamps: list[int] = field(default_factory=list)
+    stamps: list[int] = field(default_factory=list)  # [ns]
     received: list[int] = field(default_factory=list)
+    # messages that hold them, and numbers, by header
     columns: dict[str, tuple[list[int], list[float]]] = field(default_factory=dict)
     trouble: str = ""
 
@@ -402,10 +397,7 @@ def _field(message: Any, name: str) -> Any:
 
 
 def _numbers_in(message: Any, path: str = "", unit: str = "") -> Iterator[tuple[str, float]]:
-    """Yield header and value of a message's numbers.
-
-    Joints go by their names, short arrays by places.
-    """
+    """Yield header and value of a message's numbers. Joints go by their names, short arrays by places."""
     kind = getattr(message, "__msgtype__", "")
     if kind in ("std_msgs/msg/Header", "builtin_interfaces/msg/Time"):
         return

@@ -26,8 +26,7 @@ _UNITS_OF = {
     "speed": FIELD_UNITS["speed"],
     "angle": FIELD_UNITS["angle"],
 }
-QUANTITY_OF = {"position": "length", "depth": "length"}
-"""Quantity of the fields that are not called after theirs."""
+QUANTITY_OF = {"position": "length", "depth": "length"}  # quantity of the fields that are not called after theirs
 _OWN_CASE = ("MN", "Mn", "nN", "M", "C", "P", "H", "Nm", "mS", "Ms", "T", "D")
 """Spellings that mean another unit, or none, in other letters."""
 _BRACKETS = re.compile(r"(.*\S)\s*[\[(<{]([^\[\](){}<>]*)[\])>}]")
@@ -35,13 +34,10 @@ _INNER = re.compile(r"(.*[^\s\[(])\s*[\[(]([^\[\]()]*)[\])]\s*([^\s\[\](),;][^\[
 
 
 class StatedUnit(NamedTuple):
-    """Unit of a column.
+    """Unit of a column."""
 
-    Its quantity ("time", "force", "length", "speed", "angle", "other"), and our spelling.
-    """
-
-    quantity: str
-    unit: str
+    quantity: str  # "time", "force", "length", "speed", "angle" or "other"
+    unit: str  # our spelling
 
 
 @functools.lru_cache(maxsize=4096)

@@ -62,8 +62,7 @@ def _with_parts(table: NamedColumns, k: int, j: int, parts: int) -> NamedColumns
 
 
 _NUMBERED = re.compile(r"[\s_.:#-]*\(?\d+\)?$|\s*\[\d+\]$")
-TIME_NAME = re.compile(r"time|zeit|temps|tiempo|tempo|^t$|elapsed|^x_value$", re.IGNORECASE)
-"""Names of columns of time."""
+TIME_NAME = re.compile(r"time|zeit|temps|tiempo|tempo|^t$|elapsed|^x_value$", re.IGNORECASE)  # names of columns of time
 
 
 def side_by_side(table: NamedColumns) -> NamedColumns:

@@ -1,7 +1,4 @@
-"""Text files as lines, and lines of no table yet.
-
-JSON, keys and values, the arrows of a serial monitor.
-"""
+"""Text files as lines, and lines of no table yet. JSON, keys and values, the arrows of a serial monitor."""
 
 from __future__ import annotations
 
@@ -47,17 +44,14 @@ def text_lines(path: Path) -> list[str]:
 
 
 class Tabled(NamedTuple):
-    """Names, cells and line numbers of tabled text.
+    """Names, cells and line numbers of tabled text."""
 
-    The `kind` of its layout; number of `odd` lines; stated `facts`.
-    """
-
-    kind: str
+    kind: str  # of its layout
     names: Sequence[str]
     rows: list[list[str]]
     lines: list[int]
-    odd: int
-    facts: Sequence[str] = ()
+    odd: int  # number of other lines
+    facts: Sequence[str] = ()  # as stated
 
 
 def tabled(lines: Sequence[str]) -> Tabled | None:

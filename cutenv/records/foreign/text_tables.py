@@ -1,7 +1,4 @@
-"""Tables of numbers from any program.
-
-Encoding, separator, decimal sign, header, units and specimens are detected.
-"""
+"""Tables of numbers from any program. Encoding, separator, decimal sign, header, units and specimens are detected."""
 
 from __future__ import annotations
 
@@ -98,14 +95,11 @@ def split_row(row: str, separator: str) -> list[str]:
 
 @dataclass
 class _Rows:
-    """Rows of cells in one dialect, unread.
-
-    It says how many cells they have, and which columns hold numbers.
-    """
+    """Rows of cells in one dialect, unread."""
 
     dialect: Dialect
-    length: int
-    numeric: list[int]
+    length: int  # of cells
+    numeric: list[int]  # columns of numbers
     first: int  # place among the written lines
     share: float
 
@@ -484,10 +478,7 @@ def _common_words(split: list[list[str]], numeric: list[int], decimal: str) -> s
 
 @functools.lru_cache(maxsize=1 << 14)
 def _is_number(cell: str, *, decimal: str) -> bool:
-    """Return whether a cell holds a number or a time.
-
-    A number may have thousands or a unit.
-    """
+    """Return whether a cell holds a number or a time. A number may have thousands or a unit."""
     if _NUMBER[decimal].fullmatch(cell):
         return True
     if not _DIGIT.search(cell):

@@ -161,8 +161,7 @@ def _extrapolated(cuts: Sequence[MeasuredCut]) -> list[str]:
 T = TypeVar("T")
 ProgressBar = Callable[[Sequence[T]], Iterable[T]]
 
-RESAMPLES = 400
-"""Default number of bootstrap resamples."""
+RESAMPLES = 400  # default number of bootstrap resamples
 _FEWEST_UNLOADED = (
     8  # cuts with a way back needed for the loading ratio: the tissue at the tip scatters about the cut's mean
 )

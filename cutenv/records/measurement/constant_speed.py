@@ -14,8 +14,7 @@ from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range
 from cutenv.sim.trace import Trace
 
-STEADY_FROM = 0.98
-"""Share of the desired speed from which the blade counts as moving steadily."""
+STEADY_FROM = 0.98  # share of the desired speed from which the blade counts as moving steadily
 _FEWEST = 20  # readings of a steady motion
 _NAME = "speed_tracking"
 

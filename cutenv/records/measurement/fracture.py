@@ -32,8 +32,7 @@ _PLACES = 100  # positions behind the blade at which the tip of loaded tissue is
 _SOFTEST = 0.1  # smallest share of a ramp's slope that belongs to the tissue rather than friction
 _SHORTEST_CUT = 0.2e-3  # [m]
 _SLOW_SHARE = 0.1  # share of the travel that may be below the speed that counts as standing
-LEAST_RUN = 0.010
-"""Length of the cut below which a crack counts as one that hardly ran [m]; its resistance is noise."""
+LEAST_RUN = 0.010  # length of the cut below which a crack counts as one that hardly ran [m]; its resistance is noise
 _FINAL = 0.010  # [s] of readings averaged for the force at the end of the cut
 
 
@@ -208,10 +207,7 @@ def _check_speed(trace: Trace, position: Array, travel: float) -> None:
 
 
 def _work_per_depth(trace: Trace, position: Array, depth: DepthProfile) -> float:
-    """Return W* over new ground [J/m], the integral of F/B dU.
-
-    See equation 6.2.
-    """
+    """Return W* over new ground [J/m], the integral of F/B dU. See equation 6.2."""
     reached = np.maximum.accumulate(position)
     F_per_B = trace.force / np.maximum(depth.at(position), MEASURABLE_DEPTH)
     return float(trapezoid(F_per_B, reached))
@@ -234,10 +230,7 @@ def _ends(position: Array, stroke: Stroke) -> tuple[float, float]:
 
 
 def _closed_loop(trace: Trace, position: Array, depth: DepthProfile, way_back: ReturnStroke, phi: float) -> float:
-    """Return R of a closed loop, with no energy stored.
-
-    R = (W - phi int B |dx|) / int_0^a B da + phi.
-    """
+    """Return R of a closed loop, with no energy stored. R = (W - phi int B |dx|) / int_0^a B da + phi."""
     W = _work(trace, position, way_back.stop)
     rubbed = phi * _rubbed_area(trace, position, depth, way_back.stop)
     return (W - rubbed) / depth.area(float(position[0]), way_back.tip) + phi

@@ -32,8 +32,7 @@ from cutenv.sim.tissue.description import Evidence
 from cutenv.sim.tissue.layers import Layers, layered_depth
 from cutenv.sim.tissue.slab import effective_depth
 
-FEWEST_TOUCHED = 2
-"""Smallest number of sections that open a layer, below which nothing is said of it."""
+FEWEST_TOUCHED = 2  # smallest number of sections that open a layer, below which nothing is said of it
 _TOUCHED = 0.03  # share of a section's area in a layer from which on it is opened
 _WIDEST = 10.0  # ratio of an interval's ends from which on a number is not identified
 _FEWEST_FREE = 3  # degrees of freedom

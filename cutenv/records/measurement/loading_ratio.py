@@ -9,9 +9,7 @@ from cutenv._base.validation import in_range
 from cutenv.sim.tissue.description import measured_liver
 from cutenv.sim.tissue.effective_modulus import checked_angle, checked_speed
 
-LoadingRatio = Callable[[float, float | None], float]
-"""Function from speed [m/s] and angle [rad] to r [1]."""
-
+LoadingRatio = Callable[[float, float | None], float]  # function from speed [m/s] and angle [rad] to r [1]
 _SLACK = 1e-6  # [rad], for angles converted to degrees and back
 _SPEED_SLACK = 0.02  # relative tolerance of the speed, which a record gives with noise
 

@@ -17,8 +17,7 @@ from cutenv.records.measurement.measured_cut import MeasuredCut, by_specimen
 from cutenv.records.measurement.speed_dependence import BETWEEN, LEAST_FIT, SpeedDependence, fit_speed_dependence
 from cutenv.sim.tissue.description import measured_liver
 
-LAGS = np.linspace(0.0, 0.08, 17)
-"""Borders of the distance classes of the variogram [m]."""
+LAGS = np.linspace(0.0, 0.08, 17)  # borders of the distance classes of the variogram [m]
 SHORTEST_LENGTH, LONGEST_LENGTH = 0.005, 0.1
 """Range of the correlation lengths searched [m]: a unit hides shorter ones, a cut does not show longer ones."""
 CENTRES = 0.5 * (LAGS[1:] + LAGS[:-1])
@@ -108,10 +107,7 @@ class Places:
         self._pairs = np.array([max(len(each), 1) for each in squares])
 
     def mean_variances(self, variance: float, length: float) -> Array:
-        """Return variances of a field's mean per cut, (n_cuts,).
-
-        A cut without positions has 0.
-        """
+        """Return variances of a field's mean per cut, (n_cuts,). A cut without positions has 0."""
         correlation = np.exp(-0.5 * self._squares / length**2)
         return np.asarray(variance * np.bincount(self._cut, correlation, len(self._pairs)) / self._pairs)
 
@@ -142,8 +138,7 @@ def nested_variances(values: Array, groups: NDArray[np.intp], counts: Array) -> 
     return (mean_square - within) / typical, within
 
 
-FEWEST_FOR_CORRELATION = 8
-"""Smallest number of cuts from which a correlation length along the cut is estimated."""
+FEWEST_FOR_CORRELATION = 8  # smallest number of cuts from which a correlation length along the cut is estimated
 
 FEWEST_FOR_INCLINED = 4
 """Smallest number of cuts on either side of 67.5 degrees for an estimate of the inclined cuts' additional spread."""
@@ -298,10 +293,7 @@ def resampled(rng: np.random.Generator, n: int) -> Array:
 
 
 def variance(values: Array, counts: Array) -> float:
-    """Return the unbiased variance of ``values``, weighted by ``counts``.
-
-    More than one value is needed.
-    """
+    """Return the unbiased variance of ``values``, weighted by ``counts``. More than one value is needed."""
     n = float(counts.sum())
     return float(counts @ (values - counts @ values / n) ** 2) / (n - 1.0)
 

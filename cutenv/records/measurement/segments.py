@@ -23,8 +23,7 @@ SMALLEST_DROP_NOISE = 6.0
 SMALLEST_DROP_SHARE = 0.1
 """Default for records without newtons, as a share of their range of force from the 5 % to the 95 % quantile."""
 
-SMOOTHING_TIME = 0.01
-"""Default averaging time [s]: 0.25 mm at 2.54 cm/s; at 1 kHz noise of 0.025 N falls to 0.008."""
+SMOOTHING_TIME = 0.01  # default averaging time [s]: 0.25 mm at 2.54 cm/s; at 1 kHz noise of 0.025 N falls to 0.008
 
 FEWEST_SMOOTHED = 3
 """Smallest default number of readings averaged, if position is known: reduces the noise of a slow sensor."""
@@ -32,9 +31,7 @@ FEWEST_SMOOTHED = 3
 STRAIGHT_RAMP = 0.75
 """Smallest R squared of a ramp that counts as straight: that of a rise of 0.15 N under noise of 0.025 N."""
 
-STEADY_SHARE = 0.3
-"""Largest relative change of speed over a ramp that counts as steady."""
-
+STEADY_SHARE = 0.3  # largest relative change of speed over a ramp that counts as steady
 _AVERAGED = 10  # readings, whose means show correlated noise
 _FEWEST = 3  # smallest number of bins left of a ramp
 _INNER_QUANTILES = (0.05, 0.95)

@@ -12,8 +12,7 @@ from scipy.special import erf, ndtr
 
 from cutenv._base.arrays import Array
 
-NOISE_BLOCK = 0.2
-"""Time over which the zero is assumed constant [s]."""
+NOISE_BLOCK = 0.2  # time over which the zero is assumed constant [s]
 _FEWEST = 25  # blocks
 _FINE = 0.5  # [1] ratio to the spread, below which a step has no effect
 _DUST = 1e-9  # [1] share of the readings' span, which is only rounding of equal readings

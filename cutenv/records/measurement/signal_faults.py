@@ -17,18 +17,10 @@ from cutenv.records.measurement.strokes import END_WINDOW, STANDSTILL_SPEED
 
 Sureness = Literal["certain", "likely", "possible"]
 
-SLOWEST_RATE, FASTEST_RATE = 2.0, 50e3
-"""Readings a second that no record of a cut has fewer or more of [Hz]."""
-
-MAINS = (50.0, 60.0)
-"""Frequencies of the mains [Hz]; twice and three times them are looked for as well."""
-
-FEWEST_LEVELS = 25
-"""Number of different readings below which the resolution is too coarse for a cut."""
-
-WIDEST_COUNTS = 40.0
-"""Range of whole numbers beyond which they are counts of a converter: no cut takes 40 N."""
-
+SLOWEST_RATE, FASTEST_RATE = 2.0, 50e3  # readings a second that no record of a cut has fewer or more of [Hz]
+MAINS = (50.0, 60.0)  # frequencies of the mains [Hz]; twice and three times them are looked for as well
+FEWEST_LEVELS = 25  # number of different readings below which the resolution is too coarse for a cut
+WIDEST_COUNTS = 40.0  # range of whole numbers beyond which they are counts of a converter: no cut takes 40 N
 _SPIKE_NOISE, _SPIKE_RANGE = 9.0, 0.12  # a spike's height over the noise beside it, and over the range of force
 _SPIKE_LENGTH, _SPIKE_TIME = 2, 0.03  # readings, and [s], of a spike
 _BLOCK, _BLOCK_CHANGES = 24, 12  # readings of a block that came twice, and how many of them differ from the one before

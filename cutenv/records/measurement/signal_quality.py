@@ -16,23 +16,15 @@ from cutenv.sim.trace import Trace, blade_speed
 
 Mask = NDArray[np.bool_]
 
-SHORTEST_RECORD = 50
-"""Smallest number of readings of a cut: a loading ramp takes 5 bins of 10 readings to be detected."""
-
-STUCK_ODDS = 1e-4
-"""Largest probability that noise leaves a reading of a good record repeated for so long [1]."""
+SHORTEST_RECORD = 50  # smallest number of readings of a cut: a loading ramp takes 5 bins of 10 readings to be detected
+STUCK_ODDS = 1e-4  # largest probability that noise leaves a reading of a good record repeated for so long [1]
 
 STUCK_TRAVEL = 5e-3
 """Travel on new ground [m] during which the force of any cut changes: a unit of cutting is 5.9 mm (Table 4.1)."""
 
-CLIPPED_TOPS = 3
-"""Number of flat tops at the same largest reading that are not chance in a record without noise."""
-
-GAP_STEPS = 10.0
-"""Number of usual time steps beyond which a step is a gap, as in :class:`cutenv.sim.trace.Trace`."""
-
-GAP_TRAVEL = 1e-3
-"""Travel during a gap [m] beyond which the record is refused: a tenth of a unit of cutting is 0.6 mm."""
+CLIPPED_TOPS = 3  # number of flat tops at the same largest reading that are not chance in a record without noise
+GAP_STEPS = 10.0  # number of usual time steps beyond which a step is a gap, as in :class:`cutenv.sim.trace.Trace`
+GAP_TRAVEL = 1e-3  # travel during a gap [m] beyond which the record is refused: a tenth of a unit of cutting is 0.6 mm
 
 GAP_TIME = 0.1
 """Duration [s] of a gap beyond which a record without position is refused: 2.5 mm at the thesis's highest speed."""
@@ -40,9 +32,7 @@ GAP_TIME = 0.1
 UNEVEN_STEP, UNEVEN_SHARE = 0.5, 0.05
 """Limits of an irregular clock: more than 5 % of the steps differ from the usual one by more than half of it."""
 
-SPEED_ERROR = 0.25
-"""Relative difference between speed and change of position, beyond that of commanded speeds and lags."""
-
+SPEED_ERROR = 0.25  # relative difference between speed and change of position, beyond that of commanded speeds and lags
 _FEW = 20  # readings, and [ms] at 1 kHz, that may be equal in any record
 _FLICKER = 0.4  # share of readings at which the force turns, above which noise covers the resolution
 _COVERED = 2.0  # standard deviations of noise over resolution above which the force counts as continuous

@@ -17,14 +17,11 @@ from cutenv.sim.tissue.description import measured_liver
 from cutenv.sim.tissue.effective_modulus import speed_on_line
 
 UPRIGHT, INCLINED = math.pi / 2, math.pi / 4
-BETWEEN = math.radians(67.5)
-"""Angle [rad] that separates the upright cuts (steeper) from the inclined ones."""
-LEAST_SPEED_RATIO = 1.5
-"""Smallest ratio of the fastest to the slowest cut from which a fall with speed is fitted."""
+BETWEEN = math.radians(67.5)  # angle [rad] that separates the upright cuts (steeper) from the inclined ones
+LEAST_SPEED_RATIO = 1.5  # smallest ratio of the fastest to the slowest cut from which a fall with speed is fitted
 LEAST_SHARE = 0.1
 """Smallest share of the fall at 90 degrees, between the slowest and the fastest cut, from which its size is fitted."""
-LEAST_FIT = 0.1
-"""Lower bound of a fitted modulus, as a share of the cut's own at the same speed and angle."""
+LEAST_FIT = 0.1  # lower bound of a fitted modulus, as a share of the cut's own at the same speed and angle
 _SLACK = math.radians(0.5)  # beyond 45 and 90 degrees, for angles set by hand and read from a scale
 _ROUNDS = 3  # of re-weighting: the scatter is proportional to the modulus
 
@@ -66,10 +63,7 @@ class SpeedDependence:
         return np.asarray((1.0 - w) * inclined + w * upright)
 
     def loading_ratio(self, speed: float, angle: float | None) -> float:
-        """Return the loading ratio min(1, LEM(v, theta)/E0) [1], at least 0.01.
-
-        E0 is ``intercept_90``.
-        """
+        """Return the loading ratio min(1, LEM(v, theta)/E0) [1], at least 0.01. E0 is ``intercept_90``."""
         return min(1.0, max(self.modulus(abs(speed), angle) / self.intercept_90, 0.01))
 
 
@@ -112,10 +106,7 @@ def fit_speed_dependence(speeds: ArrayLike, angles: ArrayLike, moduli: ArrayLike
 
 
 def on_line(speed: ArrayLike) -> Array:
-    """Return the speed [m/s] of equal fall on a straight line.
-
-    The fall is that of pig liver's steps.
-    """
+    """Return the speed [m/s] of equal fall on a straight line. The fall is that of pig liver's steps."""
     return speed_on_line(speed, measured_liver().falls_90)
 
 
@@ -134,10 +125,7 @@ def _uprightness(angle: ArrayLike) -> Array:
 
 
 def is_between_the_measured(angle: float) -> bool:
-    """Return True for an angle [rad] within 45 to 90 degrees.
-
-    Half a degree is tolerated.
-    """
+    """Return True for an angle [rad] within 45 to 90 degrees, or nearly."""
     return INCLINED - _SLACK <= angle <= UPRIGHT + _SLACK
 
 

@@ -19,15 +19,12 @@ from cutenv.records.measurement.depth import DepthProfile
 from cutenv.sim.trace import Trace
 from cutenv.sim.trace import blade_speed as blade_speed
 
-STANDSTILL_SPEED = 0.5e-3
-"""Speed below which the blade counts as standing [m/s]: half the lowest speed of the thesis."""
-END_WINDOW = 0.1
-"""Time before a record's end over which the blade's mean speed is taken [s]."""
+STANDSTILL_SPEED = 0.5e-3  # speed below which the blade counts as standing [m/s]: half the lowest speed of the thesis
+END_WINDOW = 0.1  # time before a record's end over which the blade's mean speed is taken [s]
 END_SPEED = 0.8e-3
 """Mean speed below which the blade rests at a record's end [m/s]: the slowest cut of the thesis moves at 1 mm/s."""
 
-SHORTEST_STROKE = 0.2e-3
-"""Shortest way of a stroke [m]."""
+SHORTEST_STROKE = 0.2e-3  # shortest way of a stroke [m]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,10 +54,7 @@ def strokes(trace: Trace) -> list[Stroke]:
 
 
 def bins_of_readings(n_readings: int, size: int) -> NDArray[np.intp]:
-    """Return borders of bins of ``size`` readings, shape (n_bins + 1,).
-
-    The last bin has up to twice as many.
-    """
+    """Return borders of bins of ``size`` readings, shape (n_bins + 1,). The last bin has up to twice as many."""
     n_bins = max(1, n_readings // size)
     return np.append(np.arange(n_bins) * size, n_readings).astype(np.intp)
 
@@ -217,10 +211,7 @@ def _binned(trace: Trace, position: Array, stroke: Stroke) -> tuple[Array, Array
 
 
 class _Hinge(NamedTuple):
-    """Best return-stroke fit for each given tip.
-
-    F = K max(x - a, 0) - f B + c, with its sum of squares [N2].
-    """
+    """Best return-stroke fit for each given tip. F = K max(x - a, 0) - f B + c, with its sum of squares [N2]."""
 
     stiffness: Array  # K [N/m]
     friction: Array  # f [N/m]

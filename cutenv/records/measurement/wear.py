@@ -15,12 +15,9 @@ from cutenv.records.measurement.fracture import FractureEstimate
 from cutenv.records.measurement.measured_cut import MeasuredCut, by_specimen
 from cutenv.sim.trace import Trace
 
-USED_KEY = "blade_used_m"
-"""Key of a record's metadata: length that its blade had cut before [m]."""
-BLADE_KEY = "blade"
-"""Key of a record's metadata: the blade, such as "7"; records without it are of one blade."""
-FEWEST = 4
-"""Least number of cuts of a series."""
+USED_KEY = "blade_used_m"  # key of a record's metadata: length that its blade had cut before [m]
+BLADE_KEY = "blade"  # key of a record's metadata: the blade, such as "7"; records without it are of one blade
+FEWEST = 4  # least number of cuts of a series
 _SURE = 0.95
 
 

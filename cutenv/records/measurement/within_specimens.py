@@ -15,8 +15,7 @@ from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range
 from cutenv.records.measurement.measured_cut import MeasuredCut, by_specimen
 
-SAME_SPEED = 1.1
-"""Ratio of neighbouring speeds up to which they are one setting."""
+SAME_SPEED = 1.1  # ratio of neighbouring speeds up to which they are one setting
 _SAME_ANGLE = math.radians(5.0)
 
 

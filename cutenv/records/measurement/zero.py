@@ -22,10 +22,7 @@ TAKEN_OFF = "zero_taken_off_N"
 TARED = "tare_N"
 """Key in a trace's metadata for a tare that was subtracted when the trace was read, or while it was recorded."""
 _RIG_ZERO = "zero_N"  # key for the axes' zeros in air, which a rig has subtracted
-
-NOTABLE = 0.05
-"""Smallest offset that is reported [N]: the resolution of the thesis's sensor (section 3.1)."""
-
+NOTABLE = 0.05  # smallest offset that is reported [N]: the resolution of the thesis's sensor (section 3.1)
 _FEWEST, _SHORTEST = 10, 0.1  # smallest number of readings, and duration [s], of a rest
 _BEFORE_MOTION, _AFTER_MOTION = 0.01, 0.05  # [s] of a rest left out: filters look ahead, sensors respond late
 _STANDS = 1e-6  # [m], tolerance of a standing blade's position, if it has no noise
@@ -167,10 +164,7 @@ def _line(time: Array, *rests: _Mean | None) -> Array:
 
 
 def _after(trace: Trace, position: Array, before: _Mean | None) -> _Mean | None:
-    """Return the zero after a cut, None if friction hides it.
-
-    It is also None if the blade did not come back.
-    """
+    """Return the zero after a cut, None if friction hides it. It is also None if the blade did not come back."""
     rest = _rest(trace, position, at_end=True)
     mean = _mean_at_rest(trace, rest, at_end=True)
     here = float(position[rest].mean()) if mean is not None else np.inf
@@ -206,10 +200,7 @@ def _held(trace: Trace, before: _Mean | None, after: _Mean, rise: float, B: floa
 
 
 def _on_the_way_back(trace: Trace) -> float | None:
-    """Return the return stroke's constant force [N], None if hidden.
-
-    The force is 0 if negligible.
-    """
+    """Return the return stroke's constant force [N], None if hidden. The force is 0 if negligible."""
     back = fit_return_stroke(trace, DepthProfile.recorded(trace, by="zeroed"), with_offset=True)
     if back is None or back.offset_error > _TOLD:
         return None

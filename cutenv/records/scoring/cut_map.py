@@ -1,7 +1,4 @@
-"""Maps of a cut: depth, or distance to a line.
-
-They have a value at each point that the tip has passed.
-"""
+"""Maps of a cut: depth, or distance to a line. They have a value at each point that the tip has passed."""
 
 from __future__ import annotations
 
@@ -28,15 +25,11 @@ from cutenv.sim.quantities import (
 from cutenv.sim.tissue.grid import SPACING
 from cutenv.sim.tissue.lines import CutLine
 
-LINE_KEY = "line_m"
-"""Key, in a record's metadata, of the line to cut along: places along and across the slab [m]."""
+LINE_KEY = "line_m"  # key, in a record's metadata, of the line to cut along: places along and across the slab [m]
 
 
 class CutMap(ABC):
-    """Map of a cut, with charges and shortcomings.
-
-    It has a value every 0.5 mm from the clamp to the tip.
-    """
+    """Map of a cut, with charges and shortcomings. It has a value every 0.5 mm from the clamp to the tip."""
 
     part: str  # name of the part of the score that it decides
 
@@ -113,10 +106,7 @@ class DepthMap(CutMap):
         return (self.deep + self.uncut) / target_length
 
     def cost(self, target_length: float) -> float:
-        """Return the task's charge for depth, by target length [m].
-
-        A missing layer adds nothing.
-        """
+        """Return the task's charge for depth, by target length [m]. A missing layer adds nothing."""
         return depth_cost(
             {
                 "deep": self.deep,

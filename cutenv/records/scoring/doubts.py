@@ -14,8 +14,7 @@ from cutenv.records.scoring.scored_cut import ScoredCut
 from cutenv.records.scoring.validity import LURCH_SPEED, Lurches, Unavailable
 from cutenv.sim.quantities import TIP_TOLERANCE, tip_error
 
-DOUBT = "doubtful"
-"""First word of a note on a record that can hardly be true."""
+DOUBT = "doubtful"  # first word of a note on a record that can hardly be true
 _SAME_DEPTH = 1e-6  # [m]
 _LONG = 0.03  # [m], advance over which a real depth changes
 _STILL = 0.03  # [m/s], top speed after sudden falls of the force that one hand in 100 is below

@@ -1,7 +1,4 @@
-"""Points of a cut, part by part.
-
-The overall score is their sum, up to 100.
-"""
+"""Points of a cut, part by part. The overall score is their sum, up to 100."""
 
 from __future__ import annotations
 
@@ -39,16 +36,13 @@ CONTROL_POINTS, TISSUE_POINTS, TIME_POINTS = 25.0, 20.0, 5.0
 """Points of a success: for a blade that can stop where the tissue gives way, for sparing the tissue, for the time."""
 HALVED = {"control": 0.2, "tissue": 0.05, "time": 0.05}
 """Charge of the task at which half of these points are left; a third at twice the charge, a quarter at three times."""
-MISSED = 0.5
-"""Charge of the task, in all, by which points count e times less where the target was missed."""
-BEYOND_LIMIT = 0.9
-"""Charge of a cut beyond a limit, as the task has one for an end for safety."""
+MISSED = 0.5  # charge of the task, in all, by which points count e times less where the target was missed
+BEYOND_LIMIT = 0.9  # charge of a cut beyond a limit, as the task has one for an end for safety
 CHARGED = {
     "haste": 0.06, "uncontrolled": 0.1, "jump": 0.03, "force": 0.012, "lag": 0.02, "backward": 0.1, "time": 0.1
 }  # fmt: skip
 """Weights of the costs that the task charges for the way in which a cut was made."""
-DEADLINE = 30.0
-"""Time after which a cut of a person ends by default [s]."""
+DEADLINE = 30.0  # time after which a cut of a person ends by default [s]
 MAP_POINTS = 30.0
 """Points for the depth of a cut along a wanted depth, or its path along a line; the other parts then share the rest."""
 MAP_COST = 0.44

@@ -1,7 +1,4 @@
-"""Checks of a record of force for faults.
-
-Each fault has a name: what is seen, where, how sure, and the cure.
-"""
+"""Checks of a record of force for faults. Each fault has a name: what is seen, where, how sure, and the cure."""
 
 from __future__ import annotations
 

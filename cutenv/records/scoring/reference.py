@@ -1,7 +1,4 @@
-"""Reference sets.
-
-Many scored cuts of known origin, among which a cut's metrics are ranked as percentiles.
-"""
+"""Reference sets. Many scored cuts of known origin, among which a cut's metrics are ranked as percentiles."""
 
 from __future__ import annotations
 
@@ -26,8 +23,7 @@ SHIPPED_REFERENCES = {"baselines": "reference/baselines.csv", "force-alone": "re
 
 Records of force alone use the first, frozen: they are not cuts of ours, and their scores should not move.
 """
-FEWEST_REFERENCE_CUTS = 20
-"""Number of cuts in a reference set below which no percentile is given."""
+FEWEST_REFERENCE_CUTS = 20  # number of cuts in a reference set below which no percentile is given
 _TIE = 1e-4  # tolerance relative to the value, or to the largest one: the files hold five digits
 
 

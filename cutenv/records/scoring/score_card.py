@@ -1,7 +1,4 @@
-"""Score card of one cut.
-
-All metrics, what they rest on, what is doubtful, and percentiles in a reference set.
-"""
+"""Score card of one cut. All metrics, what they rest on, what is doubtful, and percentiles in a reference set."""
 
 from __future__ import annotations
 
@@ -46,10 +43,7 @@ def whole_score(score: float) -> int:
 
 @dataclass(frozen=True, kw_only=True)
 class Scored:
-    """One metric of a cut.
-
-    Its value, or the reason why there is none; and its percentile, given a reference set.
-    """
+    """One metric of a cut, or the reason why there is none."""
 
     value: float | None
     unavailable: str = ""

@@ -1,7 +1,4 @@
-"""A cut prepared for the metrics.
-
-Record, target, crack tip, and the force at a fixed rate; all computed lazily.
-"""
+"""A cut prepared for the metrics. Record, target, crack tip, and the force at a fixed rate; all computed lazily."""
 
 from __future__ import annotations
 
@@ -164,10 +161,7 @@ class ScoredCut:
 
     @property
     def tells_depth(self) -> bool:
-        """True if the card has depth metrics.
-
-        That is for a record with height, or with a wanted depth.
-        """
+        """True for a record with height, or with a wanted depth."""
         return self.trace.height is not None or self.wanted is not None
 
     @cached_property
@@ -331,10 +325,7 @@ class ScoredCut:
 
     @cached_property
     def jumps(self) -> Array:
-        """Unstable growth at each instant [m].
-
-        If estimated, growth is in windows of 40 ms, each run in its first.
-        """
+        """Unstable growth at each instant [m]. If estimated, growth is in windows of 40 ms, each run in its first."""
         if self.truth is not None:
             return self.truth.jump
         borders = even_instants(self.time, 1.0 / RUNS_EVERY)

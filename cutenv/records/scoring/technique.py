@@ -1,7 +1,4 @@
-"""Feedback on technique.
-
-Sentences about measured faults of a cut, with position and advice.
-"""
+"""Sentences about measured faults of a cut, with position and advice."""
 
 from __future__ import annotations
 
@@ -22,8 +19,7 @@ from cutenv.sim.quantities import (
     force_per_depth,
 )
 
-LURCH = TIP_TOLERANCE
-"""Smallest run of the crack that is reported [m]."""
+LURCH = TIP_TOLERANCE  # smallest run of the crack that is reported [m]
 HASTY = math.sqrt(2.0 * DECELERATION * CLOSE)
 """Speed of the blade from which on it is reported [m/s]: it needs all the length near a target to stop."""
 HOLD_BACK = "press less before the tissue gives way, and hold the blade firmly: then it does not shoot forward"

@@ -11,8 +11,7 @@ from cutenv._base.arrays import Array
 from cutenv._base.validation import array_in_range, in_range
 from cutenv.sim.tissue.grid import N_POINTS
 
-TIP_AT_END = "tip_end_m"
-"""Metadata in which a simulator notes the true crack tip at the end of its record [m]."""
+TIP_AT_END = "tip_end_m"  # metadata in which a simulator notes the true crack tip at the end of its record [m]
 FLOOR_AT_END = "floor_end_m"
 """Metadata in which a simulator notes the depth of the floor at the end, every 0.5 mm from the clamp to the tip [m]."""
 ASIDE_AT_END = "aside_end_m"

@@ -25,8 +25,7 @@ class Unavailable(ValueError):
     """Reason why a metric cannot be computed from a cut."""
 
 
-LONGEST_RECORD = 3600.0
-"""Longest record that is scored [s]."""
+LONGEST_RECORD = 3600.0  # longest record that is scored [s]
 _OPEN = 0.015  # [m] behind the furthest point the crack is open: the tip never lags the blade by that much
 _FASTEST = 2.0  # [m/s], the greatest speed of a blade
 _AGAIN = 0.010  # [m] of open crack crossed under force that count as another cut
@@ -48,10 +47,7 @@ def force_unusable(trace: Trace, quality: Sequence[QualityIssue]) -> str:
 
 
 def is_truncated(trace: Trace) -> str:
-    """Return why a record is truncated, or "".
-
-    A record is not truncated if the metadata name the cut's end.
-    """
+    """Return why a record whose metadata name no end is truncated, or ""."""
     if trace.position is None or trace.metadata.get("end") is not None:
         return ""
     first = min(int(np.searchsorted(trace.time, trace.time[-1] - END_WINDOW)), len(trace) - 2)
@@ -265,12 +261,10 @@ def _by_place(x: Array, F: Array, chosen: NDArray[np.bool_], places: Array) -> A
     return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
 
 
-RATE = 100.0
-"""Rate at which force and motion are compared [Hz]: a hand moves below 10 Hz."""
+RATE = 100.0  # rate at which force and motion are compared [Hz]: a hand moves below 10 Hz
 BANDWIDTH = 5.0
 """Low-pass cut-off of the force for its rate and jerk [Hz]: Butterworth of order 2, forward and backward, no delay."""
-SHORTEST_FORCE = 30
-"""Samples at :data:`RATE` that a change at :data:`BANDWIDTH` needs."""
+SHORTEST_FORCE = 30  # samples at :data:`RATE` that a change at :data:`BANDWIDTH` needs
 _FEWEST_HZ = 20.0  # readings a second, below which 5 Hz cannot be resolved
 _UNDER_FORCE = 0.1  # fraction of the rise from the unloaded force to the peak at which a cut without position begins
 _AT_ENDS = 5  # samples at 100 Hz averaged at either end
@@ -341,10 +335,7 @@ QUICKNESS = 1.67
 
 
 class Lurches(NamedTuple):
-    """Motion of a blade where the force falls suddenly.
-
-    In a hand it lurches there, on a stiff drive it does not.
-    """
+    """Motion of a blade where the force falls suddenly. In a hand it lurches there, on a stiff drive it does not."""
 
     drops: int
     """Sudden falls of the force."""

@@ -1,7 +1,4 @@
-"""Crossover: everybody cuts under two conditions.
-
-Half of the people cut in the one order and half in the other.
-"""
+"""Crossover: everybody cuts under two conditions, half in either order."""
 
 from __future__ import annotations
 

@@ -24,12 +24,9 @@ if TYPE_CHECKING:
     T = TypeVar("T", bound=DataclassInstance)
 
 
-CONFIDENCE = 0.95
-"""Default level of confidence of every interval."""
-FEWEST_PEOPLE = 3
-"""Smallest number of people (rows) for an interval."""
-FEWEST_COMPARED = 2
-"""Smallest number of people (rows) for any statistics about people."""
+CONFIDENCE = 0.95  # default level of confidence of every interval
+FEWEST_PEOPLE = 3  # smallest number of people (rows) for an interval
+FEWEST_COMPARED = 2  # smallest number of people (rows) for any statistics about people
 FEWEST_RELIABLE = 5
 """Smallest number of people for a study's reliability.
 
@@ -101,8 +98,7 @@ def vanishes(square: float, values: Array) -> bool:
 
 FEWEST_FOR_AN_INTERVAL = 5
 """Smallest number of people with an interval; with fewer that of the experts' mean held the truth too rarely."""
-BOOTSTRAP_SIZE = 4000
-"""Number of times that the people are drawn again."""
+BOOTSTRAP_SIZE = 4000  # number of times that the people are drawn again
 _MENTIONED = 0.05  # share of resamples without a value from which it is mentioned
 _TOO_MANY = 0.5  # share of resamples without a value from which there is no interval
 

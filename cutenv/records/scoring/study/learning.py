@@ -21,8 +21,7 @@ from cutenv.records.scoring.technique import HOLD_BACK, KEEP_DEPTH, LEAD_OUTSIDE
 
 FEWEST_IN_CURVE = 4
 """Smallest number of people for an interval of a learning curve: with fewer it is wider than the scale."""
-SLACK, THRESHOLD = 0.5, 4.0
-"""Defaults of :func:`cusum`, in standard deviations of single cuts."""
+SLACK, THRESHOLD = 0.5, 4.0  # defaults of :func:`cusum`, in standard deviations of single cuts
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -185,8 +184,7 @@ def _first(signals: NDArray[np.bool_]) -> int | None:
     return int(found[0]) + 1 if len(found) else None
 
 
-RECENT = 3
-"""Number of last cuts by which advice is given."""
+RECENT = 3  # number of last cuts by which advice is given
 _MOST = 3  # pieces of advice
 _LITTLE = 0.1  # fraction of a part's points whose loss needs no advice
 _CAUSES = {

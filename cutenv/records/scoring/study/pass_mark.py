@@ -50,12 +50,9 @@ from cutenv.records.scoring.study.study import (
 
 Better = Literal["higher", "lower"]
 Method = Literal["contrasting groups", "expert mean", "expert mean and SD", "set by the teacher"]
-METHODS: tuple[Method, ...] = get_args(Method)
-"""Methods by which a pass mark is found."""
-SPREAD = 1.0
-"""Default distance of the mark from the experts' mean, in their standard deviations."""
-IN_A_ROW = 2
-"""Default number of consecutive passes that count as proficiency."""
+METHODS: tuple[Method, ...] = get_args(Method)  # methods by which a pass mark is found
+SPREAD = 1.0  # default distance of the mark from the experts' mean, in their standard deviations
+IN_A_ROW = 2  # default number of consecutive passes that count as proficiency
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,10 +117,7 @@ class Proficiency:
 
 
 class NormalCurve(NamedTuple):
-    """Mean and standard deviation of a group.
-
-    Arrays of one shape if there are several.
-    """
+    """Mean and standard deviation of a group, or of several as arrays."""
 
     mean: Array
     sd: Array
@@ -279,10 +273,7 @@ def _marks(method: Method, curves: Sequence[NormalCurve], sign: float, spread: f
 
 
 def _errors(values: Array, curve: NormalCurve, mark: float, sign: float, wrong: float) -> ErrorRate:
-    """Return a group's error rate at a mark.
-
-    ``wrong`` is 1 if the group errs by passing, -1 if by failing.
-    """
+    """Return a group's error rate at a mark. ``wrong`` is 1 if the group errs by passing, -1 if by failing."""
     passed = passes(values, mark, "higher" if sign > 0.0 else "lower")
     observed = int(passed.sum()) if wrong > 0.0 else len(values) - int(passed.sum())
     shares = np.asarray(norm.sf(wrong * sign * (mark - curve.mean) / curve.sd))
@@ -397,8 +388,7 @@ def _without(told: object) -> str:
     return f"{NO_EVIDENCE}: {getattr(told, 'reason', 'not computed')}"
 
 
-ALL_RATERS = "all raters"
-"""Name under which the mean of the raters' marks is held."""
+ALL_RATERS = "all raters"  # name under which the mean of the raters' marks is held
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -642,10 +632,7 @@ def other_group(groups: Sequence[str], passing: str | None, failing: str | None)
 
 
 def as_shown(metric: str, values: Array, mark: float) -> tuple[Array, float]:
-    """Return values and mark as shown to people, rounded.
-
-    Scores are whole, and their mark has one decimal.
-    """
+    """Return values and mark as shown to people, rounded. Scores are whole, and their mark has one decimal."""
     if metric != OVERALL:
         return values, mark
     return np.array([whole_score(value) for value in values.tolist()], np.float64), round(mark, 1)

@@ -240,17 +240,13 @@ def _check_rows_differ(name: str, MSR: float, values: Array) -> None:
         raise ValueError(f"{name}: the people do not differ in their means; a correlation needs people who differ.")
 
 
-FEWEST_RATED = 4
-"""Smallest number of rated cuts for a correlation: three lie in order by chance once in six times."""
+FEWEST_RATED = 4  # smallest number of rated cuts for a correlation: three lie in order by chance once in six times
 _LARGEST_TABLE = 4_000_000  # resamples times cuts that are held in memory at once
 
 
 @dataclass(frozen=True, kw_only=True)
 class RaterCorrelation:
-    """Correlation of a metric with marks.
-
-    Positive if what counts as better got the better marks.
-    """
+    """Correlation of a metric with marks, positive if better got better."""
 
     rank: Estimate
     linear: Estimate

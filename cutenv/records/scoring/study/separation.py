@@ -1,7 +1,4 @@
-"""Separation of two groups of people by a metric.
-
-Its confidence intervals are over people, not over cuts.
-"""
+"""Separation of two groups by a metric, with intervals over people."""
 
 from __future__ import annotations
 

@@ -29,12 +29,9 @@ from cutenv._base.validation import in_range
 SequentialDecision = Literal["better", "worse", "equivalent", "undecided"]
 DECISIONS: tuple[SequentialDecision, ...] = ("undecided", "better", "worse", "equivalent")
 """Possible decisions; the place of each is its number in arrays."""
-RETURN_FLOOR = 0.0
-"""Return below which returns count alike: a cut that harms as much as it gains [1]."""
-RETURN_TOP = 1.0
-"""Largest return [1]."""
-MAX_CORRECTION = 0.5
-"""Largest correction of a difference by a covariate [1]."""
+RETURN_FLOOR = 0.0  # return below which returns count alike: a cut that harms as much as it gains [1]
+RETURN_TOP = 1.0  # largest return [1]
+MAX_CORRECTION = 0.5  # largest correction of a difference by a covariate [1]
 _SHARES = 0.95 * 0.5 ** np.arange(4)  # of the wealth: from bold to cautious
 _HALVINGS = 40  # of an interval that holds an end
 _CAUTION = 0.2  # added to the sum of squares below the coefficient: as of some five covariates
@@ -101,10 +98,7 @@ def stops(said: Indices) -> tuple[Indices, Indices]:
 def confidence_sequence(
     differences: Array, question: SequentialQuestion, room: float | Array = 0.0
 ) -> tuple[Array, Array]:
-    """Return the mean's interval ends after every pair, shape (n,).
-
-    ``room`` is as for :func:`sequential_decisions`.
-    """
+    """Return the mean's interval ends after every pair, shape (n,). ``room`` is as for :func:`sequential_decisions`."""
     reach = np.broadcast_to(_checked_reach(differences, question, room), differences.shape)
     count = range(1, len(differences) + 1)
     low = [_end(differences[:k], reach[:k], question.bar) for k in count]

@@ -1,7 +1,4 @@
-"""A study of people.
-
-The score cards of many cuts, who made them, and the statistics of each metric.
-"""
+"""Score cards of many cuts, who made them, and statistics of each metric."""
 
 from __future__ import annotations
 
@@ -26,8 +23,7 @@ STUDIED = (
     "mean_force_drop", "duration",
 )  # fmt: skip
 """Metrics that are studied, beside the overall score, if none are named and the records have positions."""
-OVERALL = "overall_score"
-"""Name of the overall score among the metrics."""
+OVERALL = "overall_score"  # name of the overall score among the metrics
 P = ParamSpec("P")
 T = TypeVar("T")
 
@@ -137,10 +133,7 @@ class StudiedPeople:
                 )
 
     def _values(self, metric: str, notes: list[str], *, named: bool) -> Array | None:
-        """Return a metric by cut, NaN where missing, or None.
-
-        None is a ValueError for a metric that was ``named``.
-        """
+        """Return a metric by cut, NaN where missing; None without any, a ValueError if it was ``named``."""
         scored = [value_of(cut.card, metric) for cut in self.cuts]
         silent = [reason for value, reason in scored if value is None]
         if silent:
