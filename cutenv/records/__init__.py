@@ -58,31 +58,24 @@ __all__ = [
 ]
 
 # An environment scores its cuts: it needs the score, but no file.
+_MODULES = {
+    "cutenv.records.schema": ("SCHEMA", "UNITS", "Column", "RecordError", "header_of", "parse_header"),
+    "cutenv.records.appending": ("AppendingRecord", "RecordingFailed"),
+    "cutenv.records.foreign.column_map": ("ColumnMap",),
+    "cutenv.records.foreign.cut_detection": ("CutSearch",),
+    "cutenv.records.importers": ("Imported", "load_foreign", "read_record"),
+    "cutenv.records.provenance": (
+        "OperatorRow",
+        "Provenance",
+        "TissueHandling",
+        "load_operators",
+        "recorded_operators",
+    ),
+    "cutenv.records.files": ("load", "load_one", "save"),
+    "cutenv.records.csv_file": ("read_metadata",),
+}
 __getattr__ = import_when_used(
     __name__,
-    {
-        "SCHEMA": "cutenv.records.schema",
-        "UNITS": "cutenv.records.schema",
-        "AppendingRecord": "cutenv.records.appending",
-        "Column": "cutenv.records.schema",
-        "ColumnMap": "cutenv.records.foreign.column_map",
-        "CutSearch": "cutenv.records.foreign.cut_detection",
-        "Imported": "cutenv.records.importers",
-        "OperatorRow": "cutenv.records.provenance",
-        "Provenance": "cutenv.records.provenance",
-        "RecordError": "cutenv.records.schema",
-        "RecordingFailed": "cutenv.records.appending",
-        "TissueHandling": "cutenv.records.provenance",
-        "header_of": "cutenv.records.schema",
-        "load": "cutenv.records.files",
-        "load_foreign": "cutenv.records.importers",
-        "load_one": "cutenv.records.files",
-        "load_operators": "cutenv.records.provenance",
-        "parse_header": "cutenv.records.schema",
-        "read_metadata": "cutenv.records.csv_file",
-        "read_record": "cutenv.records.importers",
-        "recorded_operators": "cutenv.records.provenance",
-        "save": "cutenv.records.files",
-    },
+    {name: module for module, names in _MODULES.items() for name in names},
     ("foreign", "measurement", "scoring"),
 )

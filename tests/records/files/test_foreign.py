@@ -389,27 +389,6 @@ def test_the_next_file_is_read_by_the_mapping_beside_it(tmp_path: Path) -> None:
     assert load_foreign(path).mapping == SIMPLE
 
 
-@pytest.mark.parametrize(
-    ("header", "offered"),
-    [
-        ("Weg,Kraft", "force=Kraft position=Weg --unit N"),  # a way is no time, whatever has no unit
-        ("x [mm],F [N]", "force=F position=x"),
-        ("Zeit [s],x,Kraft", "time=Zeit force=Kraft position=x --unit N"),
-        ("Kraft,Zeit,Weg [mm]", "time=Zeit force=Kraft position=Weg --unit N"),
-        ("t,x,Last,Tiefe [mm]", "time=t force=Last position=x depth=Tiefe --unit N"),
-        ("Zeit [ms],Kraft [mN],Winkel [°],Weg [mm]", "time=Zeit force=Kraft position=Weg angle=Winkel"),
-        ("t,a,b", "time=t force=a --unit N"),
-    ],
-)
-def test_a_file_without_a_mapping_is_offered_one_by_names_and_units(tmp_path: Path, header: str, offered: str) -> None:
-    path = tmp_path / "record.csv"
-    path.write_text(
-        header + "\n" + "\n".join(",".join(str(i + k) for k in range(header.count(",") + 1)) for i in range(9))
-    )
-    with pytest.raises(RecordError, match=rf"--map {re.escape(offered)}$"):
-        load_foreign(path)
-
-
 def test_search_parameters_are_used(tmp_path: Path) -> None:
     content, _ = long_file()
     mapping = ColumnMap.parse(["time=t", "force=Fx[N]"])

@@ -65,18 +65,12 @@ def table(separator: str, header: str = "", decimal: str = ".") -> str:
 
 
 ORDINARY = {
-    "comma.csv": table(",", "t,F\n").encode(),
-    "semicolon.csv": table(";", "t;F\n", ",").encode(),
-    "tab.csv": table("\t", "t\tF\n").encode(),
     "no_header.csv": table(",").encode(),
-    "no_units.csv": table(",", "time,force\n").encode(),
     "latin.csv": table(";", "Zeit [s];Kr\xe4fte [mN]\n", ",").encode("latin-1"),
-    "plain.txt": table("\t", "t\tF\n").encode(),
-    "blanks.dat": table(" ").encode(),
     "labview.lvm": (
         "LabVIEW Measurement\t\nSeparator\tTab\n***End_of_Header***\t\n\nX_Value\tForce\n" + table("\t")
     ).encode(),
-    "utf16.csv": table(",", "t,F\n").encode("utf-16"),
+    "utf16.txt": table("\t", "t\tF\n").encode("utf-16"),
 }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from cutenv.records.scoring.study.sequential import (
     sequential_decisions,
     stops,
 )
+from scripts.validation.scoring import check_sequential
 
 STUDIES, PAIRS = 2000, 200
 LOOSE = SequentialQuestion(error=0.2, smallest=0.1)
@@ -148,3 +150,18 @@ def test_a_question_without_an_answer_is_refused(given, told):
 def test_a_difference_beyond_its_bounds_is_refused():
     with pytest.raises(ValueError, match=r"1\.5 is beyond reach = 1"):
         sequential_decisions(np.array([0.1, 1.5]), LOOSE)
+
+
+def test_both_stand_beside_each_other_and_a_median_that_was_not_reached_is_left_out() -> None:
+    shown = {"here": (0.6, 120.0), "confseq": (0.4, float("inf"))}
+    rows = [
+        {"kind": "normal", "mean": 0.1, "by": by, "studies": 2000, "shown": share, "median": median}
+        for by, (share, median) in shown.items()
+    ]
+    assert check_sequential.library_table(rows).splitlines()[-1] == "| normal | 0.1 | 60.0 % | 40.0 % | 120 |  |"
+
+
+def test_a_library_that_is_missing_is_named_with_its_source(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "confseq", None)
+    with pytest.raises(SystemExit, match=r"github\.com/gostevehoward/confseq .* numpy below 2"):
+        check_sequential.library_rows(1)
