@@ -43,21 +43,27 @@ _WayBack = tuple[int, int, ReturnStroke]
 class DepthSection:
     """One section of a cut, between two unloadings."""
 
-    start: float  # crack tip before and after it [m]
+    start: float
     tip: float
-    # depth of the floor below the surface at each point of the grid [m], 0 where nothing is cut, shape (301,)
+    """Crack tip after it, `start` before [m]."""
     floor_before: Array
     floor_after: Array
-    work_along: float  # work of the blade along the cut and downwards [J]
+    """Depth of the floor below the surface at each point of the grid [m], 0 where nothing is cut, shape (301,)."""
+    work_along: float
     work_down: float
-    # integrals of the force along the cut, and of the norm of both forces, over ground that the blade reached for the
-    # first time [J]: what the thesis took for the work, with the norm
+    """Work of the blade downwards, `work_along` along the cut [J]."""
     component_ahead: float
     norm_ahead: float
-    rubbed: float  # integral of depth over the way of the blade, both directions [m2]
-    back: ReturnStroke  # the way back that ends the section: tip, friction, stiffness of unloading
-    depth: float  # depth of the blade at the tip, to which the stiffness belongs, while it went back [m]
-    friction_per_depth: float  # friction on the moving blade per depth of cut, median of the record's ways back [N/m]
+    """Integral of the norm of both forces, `component_ahead` of the force along the cut, over ground that the blade
+    reached for the first time [J]: what the thesis took for the work, with the norm."""
+    rubbed: float
+    """Integral of depth over the way of the blade, both directions [m2]."""
+    back: ReturnStroke
+    """Way back that ends the section: tip, friction, stiffness of unloading."""
+    depth: float
+    """Depth of the blade at the tip, to which the stiffness belongs, while it went back [m]."""
+    friction_per_depth: float
+    """Friction on the moving blade per depth of cut, median of the record's ways back [N/m]."""
 
     def area(self, top: float = 0.0, bottom: float = _ENDLESS) -> float:
         """Return the area opened between two depths below the surface [m2]."""
