@@ -29,24 +29,13 @@ from cutenv.vision.bead_tracks import BeadRises, BeadTracks, RampLoad, bead_rise
 class SlabModel:
     """Finite-element model of one slab, with its depth of cut.
 
-    Parameters
-    ----------
-    model : CutModel
-        Elements, formulation, size and lines; of a uniform modulus.
-    depth : DepthProfile
-        Depth of cut along the line.
-    thickness : float, optional
-        Thickness of the slab [m], 0.1 mm to 0.5 m. By default the slab is cut through: everywhere as thick as the cut
-        is deep. Bricks have the thickness of the model.
-
-    Raises
-    ------
-    ValueError
-        If the thickness is out of range.
+    Raises ValueError if the thickness is out of range.
     """
 
-    model: CutModel
-    depth: DepthProfile
+    model: CutModel  # elements, formulation, size and lines; of a uniform modulus
+    depth: DepthProfile  # depth of cut along the line
+    # thickness of the slab [m], 0.1 mm to 0.5 m. By default the slab is cut through: everywhere as thick as the cut is
+    # deep. Bricks have the thickness of the model
     thickness: float | None = None
 
     def __post_init__(self) -> None:
@@ -115,24 +104,13 @@ _FIRST_TIP = 0.01  # [m] from the clamp: nearer to it the field of a force is to
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ImageModuli:
-    """Moduli by beads of one cut; arrays of shape (n_ramps,).
-
-    Attributes
-    ----------
-    ramp : ndarray of int64
-        Number of the ramp.
-    position : ndarray
-        Tip [m].
-    modulus : ndarray
-        Modulus of the material [Pa] with which the ramp's force moves the model's points as the beads moved.
-    standard_error : ndarray
-        Its standard error [Pa], from the scatter of the beads.
-    """
+    """Moduli by beads of one cut; arrays of shape (n_ramps,)."""
 
     ramp: Indices
-    position: Array
+    position: Array  # tip [m]
+    # modulus of the material [Pa] with which the ramp's force moves the model's points as the beads moved
     modulus: Array
-    standard_error: Array
+    standard_error: Array  # its standard error [Pa], from the scatter of the beads
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -297,28 +275,15 @@ class BeadRow:
     """One bead, as in Table 7.1.
 
     Means over the ramps; lengths in metres.
-
-    Attributes
-    ----------
-    bead : int
-        Its number.
-    across, along : float
-        Place before the cut: from the cut line, and from the clamp [m].
-    ramps : int
-        Number of ramps in which it was seen.
-    computed, measured : float
-        Mean size of its displacement by the model, and as tracked [m].
-    rms : float
-        Root mean square of the difference of both, as vectors [m].
     """
 
     bead: int
-    across: float
+    across: float  # place before the cut: from the cut line, and from the clamp [m]
     along: float
-    ramps: int
-    computed: float
+    ramps: int  # number of ramps in which it was seen
+    computed: float  # mean size of its displacement by the model, and as tracked [m]
     measured: float
-    rms: float
+    rms: float  # root mean square of the difference of both, as vectors [m]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -47,10 +47,7 @@ class BadArguments(ValueError):
 def for_rig(chosen: Mapping[str, Any]) -> dict[str, Any]:
     """Return options with a rig file's blade angle and decision rate.
 
-    Raises
-    ------
-    BadArguments
-        If the file cannot be used, or an option contradicts it.
+    Raises BadArguments if the file cannot be used, or an option contradicts it.
     """
     if not chosen.get("rig"):
         return dict(chosen)
@@ -87,18 +84,13 @@ def actor_critic_inputs(task: RegisteredTask, history: int, critic: str, base: s
 class LearnerArguments:
     """Options that every learner has.
 
-    Raises
-    ------
-    BadArguments
-        For a number out of its range, and for an option without effect.
+    Raises BadArguments for a number out of its range, and for an option without effect.
     """
 
-    quick: ClassVar[Mapping[str, Any]] = {}
-    """Values that ``--quick`` sets."""
+    quick: ClassVar[Mapping[str, Any]] = {}  # values that ``--quick`` sets
+    # values that ``--from-nothing`` sets; empty: the learner has no such option
     from_nothing: ClassVar[Mapping[str, Any]] = {}
-    """Values that ``--from-nothing`` sets; empty: the learner has no such option."""
-    tasks: ClassVar[Collection[str]] = ("gentle",)
-    """Names of the tasks that the learner is for."""
+    tasks: ClassVar[Collection[str]] = ("gentle",)  # names of the tasks that the learner is for
 
     task: str = option("gentle", f"task to learn, {tasks_in_words(TASKS)}", TASKS)
     name: str = option("", "name of the run's folder below runs/; default learner, date and time", metavar="NAME")
@@ -191,10 +183,7 @@ class LearnerArguments:
     def completed(cls, chosen: Mapping[str, Any], *, quick: bool = False) -> dict[str, Any]:
         """Return the complete options of a new run, quick if asked.
 
-        Raises
-        ------
-        BadArguments
-            For options that contradict each other.
+        Raises BadArguments for options that contradict each other.
         """
         task, _ = task_of(chosen)
         options = {"script": task.script, **task.options}
@@ -472,10 +461,7 @@ class BCArguments(LearnerArguments):
     def completed(cls, chosen: Mapping[str, Any], *, quick: bool = False) -> dict[str, Any]:
         """Return a new run's options, completed from its data set.
 
-        Raises
-        ------
-        BadArguments
-            If there is no such data set, or an option contradicts it.
+        Raises BadArguments if there is no such data set, or an option contradicts it.
         """
         if not chosen.get("dataset"):
             return {**(cls.quick if quick else {}), **chosen}

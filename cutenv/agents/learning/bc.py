@@ -128,10 +128,7 @@ def load_checkpoint(path: Path, clone: Fitted, cloning: Fitting) -> float | None
 def training_data(arguments: BCArguments) -> tuple[DecisionDataset, dict[str, Any]]:
     """Return the data to fit the clone to, and facts for its card.
 
-    Raises
-    ------
-    BadArguments
-        If the data set does not fit the options.
+    Raises BadArguments if the data set does not fit the options.
     """
     if not arguments.dataset:
         # The same again after an interruption: they depend only on seeds.

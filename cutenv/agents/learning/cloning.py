@@ -30,31 +30,22 @@ Batch = tuple[torch.Tensor, torch.Tensor, torch.Tensor]
 class Transitions(NamedTuple):
     """Decisions with their outcomes, for learners that estimate values."""
 
-    observations: np.ndarray
-    """Features, shape (decisions, size)."""
-    actions: np.ndarray
-    """Actions as they were taken, shape (decisions, k)."""
-    rewards: np.ndarray
-    """Rewards, shape (decisions,)."""
+    observations: np.ndarray  # features, shape (decisions, size)
+    actions: np.ndarray  # actions as they were taken, shape (decisions, k)
+    rewards: np.ndarray  # rewards, shape (decisions,)
+    # features at the next decision, shape (decisions, size); of the next cut where one ended
     next_observations: np.ndarray
-    """Features at the next decision, shape (decisions, size); of the next cut where one ended."""
-    ends: np.ndarray
-    """True where the cut ended, shape (decisions,)."""
+    ends: np.ndarray  # True where the cut ended, shape (decisions,)
 
 
 class Demonstrations(NamedTuple):
     """Consecutive decisions of a script in n environments."""
 
-    observations: np.ndarray
-    """Features from the environments, shape (decisions, n, size)."""
-    actions: np.ndarray
-    """Actions of the script without noise, shape (decisions, n, k)."""
-    starts: np.ndarray
-    """True where a cut begins, shape (decisions, n)."""
-    taken: np.ndarray
-    """Actions as they were taken, with the noise, shape (decisions, n, k)."""
-    rewards: np.ndarray
-    """Rewards, shape (decisions, n)."""
+    observations: np.ndarray  # features from the environments, shape (decisions, n, size)
+    actions: np.ndarray  # actions of the script without noise, shape (decisions, n, k)
+    starts: np.ndarray  # True where a cut begins, shape (decisions, n)
+    taken: np.ndarray  # actions as they were taken, with the noise, shape (decisions, n, k)
+    rewards: np.ndarray  # rewards, shape (decisions, n)
 
     def transitions(self) -> Transitions:
         """Return all decisions except each environment's last, whose successor is unknown."""
@@ -143,20 +134,10 @@ def demonstrations(
     noise: float,
     seed: int,
 ) -> Demonstrations:
-    """Let a script cut in all environments.
+    """Let a script cut in all environments, which are reset first.
 
-    Parameters
-    ----------
-    environments : FeatureVecEnv or EnvironmentGroups
-        Environments to cut in; they are reset first.
-    make_script : callable
-        Function that makes a script.
-    decisions : int
-        Total number of decisions, rounded up to a multiple of the number of environments.
-    noise : float
-        Standard deviation of the noise added to the actions in every other environment.
-    seed : int
-        Seed of the noise.
+    ``decisions`` are those of all, rounded up to a multiple of their number; noise of this standard deviation is added
+    to the actions in every other environment.
     """
     rng = np.random.default_rng(seed)
     count = environments.num_envs
@@ -191,22 +172,7 @@ def script_demonstrations(
 
 
 class Cloning:
-    """Least-squares fit of a network to a data set, by epochs.
-
-    The order of an epoch depends only on the seed and the number of the epoch, so that a resumed cloning gives the same
-    network as one that was not interrupted.
-
-    Parameters
-    ----------
-    network : callable
-        Function from observations to actions.
-    parameters : list of torch.nn.Parameter
-        Parameters of the network to fit.
-    dataset : DecisionDataset or CutDataset
-        Observations and the actions to take.
-    epochs, batch_size, learning_rate, seed
-        Hyperparameters; the learning rate falls along half a cosine to zero.
-    """
+    """Least-squares fit of a network to a data set, by epochs."""
 
     def __init__(
         self,

@@ -43,14 +43,8 @@ def _swept() -> list[dict[str, Any]]:
 class EnvironmentGroups(VecEnv):
     """Groups of :class:`~cutenv.agents.sb3.FeatureVecEnv` that share seeds and step together.
 
-    Parameters
-    ----------
-    groups : sequence of mapping
-        Keyword arguments of the environments of each group, such as the constants of a rig.
-    seeds : sequence of int
-        Seed of each environment, at least as many as groups.
-    **arguments
-        Keyword arguments of :class:`~cutenv.agents.sb3.FeatureVecEnv` that all share.
+    Each group has keyword arguments of its own, such as the constants of a rig, beside ``arguments`` that all share;
+    there are at least as many seeds, one for each environment, as groups.
     """
 
     def __init__(self, groups: Sequence[Mapping[str, float]], seeds: Sequence[int], **arguments: Any) -> None:
@@ -157,20 +151,9 @@ class EasierEnvironments(EnvironmentGroups):
 
     Half of the cuts begin nearer to the target, at :data:`NEARER`, to the end.  Costs count a tenth at first, so that
     trying is not charged more than it gains; and time counts more, so that it does not pay to stand still and wait: an
-    end for safety, too, is charged the time that is left.  Both become those of the task linearly.  Returns in the
-    infos are the task's own.
-
-    Parameters
-    ----------
-    until : float
-        Share of the training, above 0, after which costs and time count as in the task.
-    seeds, **arguments
-        See :class:`EnvironmentGroups`; at least eight seeds.
-
-    Attributes
-    ----------
-    share : float
-        Share of the training that is done; who trains sets it.
+    end for safety, too, is charged the time that is left.  Both become those of the task linearly, within the share
+    ``until`` of the training, above 0; who trains sets ``share``, what is done of it.  Returns in the infos are the
+    task's own.
     """
 
     def __init__(self, until: float, seeds: Sequence[int], **arguments: Any) -> None:

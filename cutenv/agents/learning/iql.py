@@ -145,10 +145,7 @@ def transitions(dataset: MinariDataset, features: Mapping[str, Any]) -> Transiti
 def transition_data(arguments: IQLArguments) -> tuple[Transitions, dict[str, Any]]:
     """Return the decisions to learn from, and facts for the card.
 
-    Raises
-    ------
-    BadArguments
-        If the data set does not fit the options.
+    Raises BadArguments if the data set does not fit the options.
     """
     if arguments.dataset:
         _, facts = bc.training_data(arguments)  # refuses a data set that has changed

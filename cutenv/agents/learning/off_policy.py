@@ -82,16 +82,10 @@ def remember(model: Any, shown: Demonstrations) -> None:
 
 
 def network(arrays: Mapping[str, np.ndarray], activation: str) -> Network:
-    """Return the actor in NumPy.
+    """Return the actor of a policy's parameters in NumPy.
 
-    A normalisation before a layer becomes part of that layer.
-
-    Parameters
-    ----------
-    arrays : mapping
-        Parameters of the policy by name.
-    activation : {"tanh", "relu"}
-        Activation after every layer but the last, which tanh follows.
+    A normalisation before a layer becomes part of that layer; the activation is that of every layer but the last, which
+    tanh follows.
     """
     parts = sorted({int(name.split(".")[2]) for name in arrays if name.startswith("actor.latent_pi.")})
     layers = []
@@ -112,12 +106,9 @@ def network(arrays: Mapping[str, np.ndarray], activation: str) -> Network:
 class OffPolicyLearner:
     """Parts in which one learner differs from another; see :class:`cutenv.agents.learning.on_policy.TrialLearner`."""
 
-    name: str
-    """Name of the agent in reports."""
-    algorithm: Any
-    """Class of Stable-Baselines3 or sb3-contrib."""
-    policy: type[Any]
-    """Class of its actor and critics."""
+    name: str  # name of the agent in reports
+    algorithm: Any  # class of Stable-Baselines3 or sb3-contrib
+    policy: type[Any]  # class of its actor and critics
     network = staticmethod(network)
     activation = "relu"
 

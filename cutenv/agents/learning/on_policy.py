@@ -74,16 +74,13 @@ class TrialLearner(Protocol):
 class OnPolicyLearner:
     """Parts in which one learner differs from another."""
 
-    name: str
-    """Name of the agent in reports."""
-    algorithm: Any
-    """Class of Stable-Baselines3 or sb3-contrib."""
-    policy: type[Any]
-    """Class of its actor and critic."""
+    name: str  # name of the agent in reports
+    algorithm: Any  # class of Stable-Baselines3 or sb3-contrib
+    policy: type[Any]  # class of its actor and critic
+    # function that clones demonstrations into a policy's actor, given the options, and returns the error left
     imitate: Callable[[Any, Demonstrations, Any], float]
-    """Function that clones demonstrations into a policy's actor, given the options, and returns the error left."""
+    # function that makes the actor in NumPy from the policy's parameters
     network: Callable[[Mapping[str, np.ndarray], str], Network | RecurrentNetwork]
-    """Function that makes the actor in NumPy from the policy's parameters."""
     activation = "tanh"
 
     def new_model(self, arguments: PPOArguments, environments: FeatureVecEnv | EnvironmentGroups) -> Any:
@@ -193,20 +190,7 @@ def time_to_threshold(arguments: LearnerArguments, curve: Sequence[Mapping[str, 
 def run_learner(learner: TrialLearner, request: RunRequest[Any], resume_command: str) -> None:
     """Train, export, evaluate and report into the folder of the run.
 
-    Parameters
-    ----------
-    learner : TrialLearner
-        Learner of :mod:`cutenv.agents.learning.ppo`, :mod:`~cutenv.agents.learning.recurrent_ppo` or
-        :mod:`~cutenv.agents.learning.off_policy`.
-    request : RunRequest
-        Options and folder of the run.
-    resume_command : str
-        Command line that is printed after an interruption.
-
-    Raises
-    ------
-    SystemExit
-        With status 130 after Ctrl-C.
+    Raises SystemExit with status 130 after Ctrl-C, having printed ``resume_command``.
     """
     arguments, run = request.arguments, request.run
     facts = record_run(arguments, run, learner.name)

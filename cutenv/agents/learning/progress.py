@@ -47,24 +47,12 @@ def validate(model: Any, arguments: LearnerArguments) -> tuple[float, float]:
 
 @dataclass(frozen=True, kw_only=True)
 class CheckpointExtras:
-    """Checkpoint's state of an interrupted training outside its model.
+    """Checkpoint's state of an interrupted training outside its model."""
 
-    Attributes
-    ----------
-    averages : list of ndarray
-        Running average of the actor's parameters; empty before the first update.
-    seconds : float
-        Time of work so far [s], that before an earlier interruption included.
-    pretraining_seconds : float
-        Part of that time that the demonstrations took [s].
-    cuts : int
-        Number of cuts begun so far, those of the demonstrations included.
-    """
-
-    averages: list[np.ndarray]
-    seconds: float
-    pretraining_seconds: float
-    cuts: int = 0
+    averages: list[np.ndarray]  # running average of the actor's parameters; empty before the first update
+    seconds: float  # time of work so far [s], that before an earlier interruption included
+    pretraining_seconds: float  # part of that time that the demonstrations took [s]
+    cuts: int = 0  # number of cuts begun so far, those of the demonstrations included
 
     @classmethod
     def of(cls, model: Any) -> CheckpointExtras | None:
@@ -76,20 +64,8 @@ class CheckpointExtras:
 class Progress(BaseCallback):
     """Callback for progress, learning curve, checkpoints and validation.
 
-    It keeps the best by validation.
-
-    Parameters
-    ----------
-    run : Path
-        Folder of the run.
-    arguments : PPOArguments or OffPolicyArguments
-        Options of the run.
-    curve : list of dict
-        Learning curve of an interrupted run, or an empty list.
-    begun : float, optional
-        Time at which the work began (``time.monotonic``); default now.
-    extras : CheckpointExtras, optional
-        Extras of an interrupted run; without them its time is read from the curve, and the average starts again.
+    It keeps the best by validation.  A resumed run gives its ``curve`` and ``extras``, without which its time is read
+    from the curve, and the average starts again; the work ``begun`` at that ``time.monotonic``, default now.
     """
 
     def __init__(

@@ -25,16 +25,7 @@ _LOOK = 0.5  # seconds between looks at the processes
 class Training:
     """One training in a process of its own.
 
-    What it prints is kept until it ends.
-
-    Parameters
-    ----------
-    name : str
-        Name in the line of progress.
-    command : sequence of str
-        Command line of the process.
-    cores : int
-        Number of threads that its batches may use, unless ``CUTENV_CORES`` is set.
+    What it prints is kept until it ends.  Its batches use so many ``cores``, unless ``CUTENV_CORES`` is set.
     """
 
     def __init__(self, name: str, command: Sequence[str], cores: int) -> None:
@@ -74,17 +65,10 @@ class Training:
 
 
 def train_side_by_side(commands: Mapping[str, Sequence[str]]) -> int:
-    """Run trainings side by side, printing each one's output at its end.
+    """Run trainings, command lines by name, side by side.
 
-    Parameters
-    ----------
-    commands : mapping of str to sequence of str
-        Command line of each training by its name.
-
-    Returns
-    -------
-    int
-        0 if all succeeded, 130 after Ctrl-C, or the status of the first that failed.
+    Each one's output is printed at its end.  Return 0 if all succeeded, 130 after Ctrl-C, or the status of the first
+    that failed.
     """
     each = max(cores() // len(commands), 1)  # more threads than cores wait for each other
     began, running = time.monotonic(), [Training(name, command, each) for name, command in commands.items()]

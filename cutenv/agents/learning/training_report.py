@@ -89,16 +89,7 @@ _MORE_SPECIMENS = 5  # times as many specimens for agent and scripts, so that ch
 def compare_task(run: Path, facts: Mapping[str, Any], *, processes: int | None = None) -> None:
     """Evaluate the agent of a run, every script and the planner.
 
-    Write and print scores and paired differences.
-
-    Parameters
-    ----------
-    run : Path
-        Folder of the run, into which the tables are written.
-    facts : mapping
-        Content of its ``run.json``.
-    processes : int, optional
-        Number of processes; default one per core.
+    Write scores and paired differences into its folder, and print them; ``facts`` are those of its ``run.json``.
     """
     arguments, agent = facts["arguments"], facts["agent"]
     task, _ = task_of({"task": arguments["task"]})
@@ -148,18 +139,7 @@ def write_run_page(
     contestants: Mapping[str, Contestant],
     shared: Mapping[str, Any],
 ) -> None:
-    """Write the page of a run, ``report.html``.
-
-    Parameters
-    ----------
-    run, facts
-        Those of :func:`compare_task`.
-    compared : ComparedCuts
-    contestants : mapping of str to Contestant
-        Agent and scripts by name.
-    shared : mapping
-        Arguments of the environment.
-    """
+    """Write the page of a run, ``report.html``, for its agent and scripts."""
     arguments, agent, summary = facts["arguments"], facts["agent"], summarise(compared.rows)
     task, _ = task_of(shared)
     script = best_script(summary, task.scripts)
@@ -187,18 +167,7 @@ def write_run_page(
 
 
 def task_headline(agent: str, paired: Sequence[Mapping[str, Any]], scripts: Collection[str]) -> str:
-    """Return sentences on whether an agent beats every script.
-
-    Parameters
-    ----------
-    agent : str
-        Name of the agent.
-    paired : sequence of mapping
-        Paired differences of its return from those of the scripts, by
-        :func:`~cutenv.agents.learning.statistics.differences`.
-    scripts : collection of str
-        Names of the scripts.
-    """
+    """Return sentences on whether an agent beats every script."""
     returns = [row for row in paired if row["baseline"] in scripts and row["score"] == "return"]
     nearest = min(returns, key=lambda row: float(row["low_95"]))
     interval = f"{nearest['mean']:+.3f} [{nearest['low_95']:+.3f}, {nearest['high_95']:+.3f}]"
@@ -234,25 +203,11 @@ def compare(
 ) -> None:
     """Evaluate the agent of a run and all baselines.
 
-    Write and print the scores, draw a cut, write the page.
+    Write and print the scores, draw a cut, write the page; ``facts`` are those of its ``run.json``.  ``baselines_of``
+    is another run on the same specimens, whose scores of the baselines are reused: they would be the same.  The report
+    of a run on another task is that of :func:`compare_task`.
 
-    The report of a run on another task is that of :func:`~cutenv.agents.learning.training_report.compare_task`.
-
-    Parameters
-    ----------
-    run : Path
-        Folder of the run, into which everything is written.
-    facts : mapping
-        Content of its ``run.json``.
-    processes : int, optional
-        Number of processes; default one per core.
-    baselines_of : Path, optional
-        Another run on the same specimens, whose scores of the baselines are reused: they would be the same.
-
-    Raises
-    ------
-    ValueError
-        If the other run is on other specimens, or the task has other baselines.
+    Raises ValueError if the other run is on other specimens, or the task has other baselines.
     """
     arguments, agent = facts["arguments"], facts["agent"]
     task = arguments.get("task", "gentle")

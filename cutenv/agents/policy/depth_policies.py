@@ -210,19 +210,9 @@ class DepthScript(ArrayPolicy):
     A cut is as deep as the blade is where the crack tip is, some millimetres behind.  So the surface and the wanted
     depth are remembered as the blade passes, and the blade is as high as they ask for at the estimated tip.
 
-    Parameters
-    ----------
-    along : ArrayPolicy, optional
-        Policy of gentle cutting; it is shown the depth of the blade as the depth of cut.  Default: the best script.
-    gain : float
-        Descent speed over the error of the level [1/s].
-    lead : float
-        Distance ahead of the tip at which the depth is followed, for the time that the blade takes [m].
-
-    Attributes
-    ----------
-    elapsed : array, shape (n,)
-        Time since each cut began [s].
+    The policy ``along`` the cut, by default the best script of gentle cutting, is shown the depth of the blade as the
+    depth of cut.  ``gain`` is the descent speed over the error of the level [1/s]; ``lead`` is how far ahead of the tip
+    the depth is followed, for the time that the blade takes [m].
     """
 
     def __init__(self, along: ArrayPolicy | None = None, *, gain: float = 4.0, lead: float = 0.004) -> None:
@@ -280,12 +270,8 @@ class DepthScript(ArrayPolicy):
     def tips(self, along: Array, seen: Array) -> Array:
         """Return the tips [m], shape (n,).
 
-        Parameters
-        ----------
-        along : array, shape (n, 12)
-            Components of gentle cutting, SI, with the depth of the blade as the depth of cut.
-        seen : array, shape (n, 10)
-            Components that depth adds, SI.
+        ``along``, (n, 12), are components of gentle cutting with the blade's depth as the depth of cut, and ``seen``,
+        (n, 10), those that depth adds; SI.
         """
         return self._estimate.tips(along)
 
@@ -306,14 +292,8 @@ class DepthScript(ArrayPolicy):
     def depths(self, wanted: Array, seen: Array, actions: Array32) -> Array:
         """Return the blades' target depths below the surface [m], (n,).
 
-        Parameters
-        ----------
-        wanted : array, shape (n,)
-            Wanted depths at the tips [m].
-        seen : array, shape (n, 10)
-            Components that depth adds to the observations, SI.
-        actions : array, shape (n, 3)
-            Actions with speeds and angles, which may be changed.
+        ``wanted`` are those at the tips [m], (n,); ``seen`` the components that depth adds, SI, (n, 10); ``actions``,
+        (n, 3), with speeds and angles, may be changed.
         """
 
 
@@ -377,16 +357,9 @@ class DepthByTwoForces(FollowDepth):
 class DepthByForce(DepthScript):
     """The wanted depth, by the floor of the cut.
 
-    It is not by the blade: where the floor resists, the blade presses on.
-
-    The floor is above the blade by as much as it is pressed, which the vertical force tells.
-
-    Parameters
-    ----------
-    per_force : float
-        Depth to which a newton presses the floor [m/N].
-    most : float
-        Largest depth below the wanted one to which the blade is driven [m].
+    It is not by the blade: where the floor resists, the blade presses on.  The floor is above the blade by as much as
+    it is pressed, by ``per_force`` [m/N] of vertical force, for which the blade is at most ``most`` lower than wanted
+    [m].
     """
 
     def __init__(
@@ -411,19 +384,9 @@ class DepthByForce(DepthScript):
 class ProbeDown(DepthScript):
     """The wanted depth, with probes downwards every so often.
 
-    At a stop the blade goes down a little, is felt, and comes up again.
-
-    The layer below tells itself by a force that differs from that of the tissue: where it was found, the blade keeps
-    above it.
-
-    Parameters
-    ----------
-    every : float
-        Time between probes [s].
-    probe : float
-        Depth of a probe below the wanted depth [m].
-    margin : float
-        Distance that is kept above a layer that was found [m].
+    At a stop ``every`` so many seconds the blade goes down by ``probe`` [m], is felt, and comes up again.  The layer
+    below tells itself by a force that differs from that of the tissue: where it was found, the blade keeps above it, by
+    ``margin`` [m].
     """
 
     def __init__(

@@ -59,13 +59,7 @@ def no_course(count: int) -> StructArray:
 
 
 class CrackCourse:
-    """Reckoning of where the cracks of n cuts go.
-
-    Attributes
-    ----------
-    courses : Records, shape (n,)
-        What is reckoned, :data:`COURSE`.
-    """
+    """Reckoning of where the cracks of n cuts go, :data:`COURSE`."""
 
     def __init__(self, count: int) -> None:
         self.courses = no_course(count)
@@ -77,14 +71,9 @@ class CrackCourse:
     def follow(self, position: Array, line: tuple[Array, Array], tip: Array, force: tuple[Array, Array]) -> None:
         """Reckon on with a decision's observations, each of shape (n,).
 
-        Parameters
-        ----------
-        position, tip : array
-            Blade, and estimated tip [m].
-        line : tuple of array
-            Curvature of the line at the blade [1/m]; angle of the blade to the left of it [rad].
-        force : tuple of array
-            Elastic force along the blade, and force on the blade to its right [N].
+        ``position`` and ``tip`` are the blade and the estimated tip [m]; ``line`` is its curvature at the blade [1/m]
+        and the angle of the blade to the left of it [rad]; ``force`` is the elastic one along the blade, and that on
+        the blade to its right [N].
         """
         _follow_all(self.courses, position, line, tip, force)
 
@@ -223,12 +212,9 @@ class SeenPath(NamedTuple):
     Each of shape (n,) or (n, columns), SI.
     """
 
-    along: Array
-    """Components of gentle cutting, shape (n, 12)."""
-    line: Array
-    """Components that the path adds, shape (n, 16)."""
-    estimates: StructArray
-    """Estimates of the tip, :data:`~cutenv.agents.policy.tip_estimate.CUT_ESTIMATE`."""
+    along: Array  # components of gentle cutting, shape (n, 12)
+    line: Array  # components that the path adds, shape (n, 16)
+    estimates: StructArray  # estimates of the tip, :data:`~cutenv.agents.policy.tip_estimate.CUT_ESTIMATE`
 
     @property
     def lag(self) -> Array:
@@ -246,17 +232,10 @@ class SeenPath(NamedTuple):
 class PathScript(ArrayPolicy):
     """Base class of gentle-cutting policies that steer by :meth:`bends`.
 
-    Parameters
-    ----------
-    along : ArrayPolicy, optional
-        Policy of gentle cutting.  Default: the best script.
-
-    Attributes
-    ----------
-    environment_arguments : dict
-        Keywords of the environment for which it was made; none: it may have any.
+    ``along`` is by default the best script of gentle cutting.
     """
 
+    # keywords of the environment for which it was made; none: it may have any
     environment_arguments: Mapping[str, Any] = MappingProxyType({})
 
     def __init__(self, along: ArrayPolicy | None = None) -> None:
@@ -337,10 +316,7 @@ class LookAhead(PathScript):
 class SlowInBends(PathScript):
     """Blade that follows the line, slower before bends within 10 mm.
 
-    Parameters
-    ----------
-    bend : float
-        Curvature at which the speed is half [1/m].
+    At the curvature ``bend`` [1/m] the speed is half.
     """
 
     def __init__(self, along: ArrayPolicy | None = None, *, bend: float = 40.0) -> None:
@@ -359,12 +335,8 @@ class SlowInBends(PathScript):
 class OutsideTheBend(PathScript):
     """A blade outside the bend, on the line's tangent.
 
-    The tangent is at the estimated tip, so that the tip trails along the line.
-
-    Parameters
-    ----------
-    share : float
-        Share of that distance.
+    The tangent is at the estimated tip, so that the tip trails along the line; the blade is at a ``share`` of that
+    distance.
     """
 
     def __init__(self, along: ArrayPolicy | None = None, *, share: float = 1.0) -> None:
@@ -381,14 +353,7 @@ class SteerByForce(PathScript):
 
     The crack turns after the force, whose direction is felt.  So the way of the tip is reckoned
     (:mod:`cutenv.agents.policy.path_policies`), and the blade is led to that side where the force must be for the tip
-    to come back to the line.
-
-    Parameters
-    ----------
-    gain : float
-        Angle of the blade to the line over that by which the crack is to turn [1].
-    back : float
-        Length within which the tip is to come back to the line [m].
+    to come back to the line within ``back`` [m]: by an angle of ``gain`` times that by which the crack is to turn.
     """
 
     def __init__(self, along: ArrayPolicy | None = None, *, gain: float = 1.5, back: float = BACK) -> None:

@@ -72,35 +72,21 @@ _LANES, _COUNTS = STRAIGHT.lanes(LANES), GENTLE_CUT.counts(LANES)
 class RollOut(NamedTuple):
     """Settings of following n plans, and what is filled."""
 
-    together: int
-    """Number of plans that one thread follows at a time; a plan and its leader are among the same ones."""
-    ticks: int
-    """Milliseconds between decisions."""
-    decisions: int
-    """Largest number of decisions."""
-    returns: StructArray
-    """Filled with the return of each plan, shape (n,)."""
+    together: int  # number of plans that one thread follows at a time; a plan and its leader are among the same ones
+    ticks: int  # milliseconds between decisions
+    decisions: int  # largest number of decisions
+    returns: StructArray  # filled with the return of each plan, shape (n,)
+    # filled with the actions taken, shape (n, decisions, 2), unless it has no rows; not for plans with a leader
     actions: StructArray
-    """Filled with the actions taken, shape (n, decisions, 2), unless it has no rows; not for plans with a leader."""
 
 
 @njit_nogil
 def roll_out_some(passed: WorkQueue, core: int, cuts: Cuts, plans: StructArray, roll_out: RollOut) -> None:
-    """Simulate n plans to their cuts' ends, rewarded from hidden state.
+    """Simulate n plans, :data:`PLAN`, to their cuts' ends, rewarded from hidden state.
 
-    A plan with a leader takes over its cut where it stops, so that what they share is simulated once.
-
-    Parameters
-    ----------
-    passed, core : WorkQueue, int
-        Work queue, of as many plans each as are followed together, and number of the thread, see
-        :func:`cutenv._engine.parallel.parallel_for`.
-    cuts : Cuts
-        n straight cuts at their start, changed in place.
-    plans : Records
-        :data:`PLAN`, shape (n,).
-    roll_out : RollOut
-        Settings, and what is filled.
+    A plan with a leader takes over its cut where it stops, so that what they share is simulated once.  The work queue
+    has as many plans each as are followed together, see :func:`cutenv._engine.parallel.parallel_for`; the n straight
+    cuts at their start are changed in place.
     """
     together, ticks, decisions, returns, actions = roll_out
     count = len(plans)
@@ -199,12 +185,8 @@ _NEVER = 1.0  # [m], a place that no blade reaches
 class Search:
     """Random local search over plans, for one cut or many.
 
-    It starts from the best of a grid of constant ones.
-
-    Parameters
-    ----------
-    *cuttings : Episode
-        Cuts at their start, of one rate and deadline; they are copied and not changed.
+    It starts from the best of a grid of constant ones.  The cuts, at their start and of one rate and deadline, are
+    copied and not changed.
     """
 
     def __init__(self, *cuttings: Episode) -> None:

@@ -445,12 +445,8 @@ class ProbeAndCreep(ArrayPolicy):
 class UnloadProbe:
     """A retreat at constant speed until only friction is measured.
 
-    Attributes
-    ----------
-    tip : float
-        Position at which the force has fallen to friction [m].
-    stiffness : float
-        Stiffness K from the slope of the force during the retreat [N/m]; 0 if there was nothing to unload.
+    ``tip`` is where the force has fallen to friction [m]; ``stiffness`` is K from the slope of the force during the
+    retreat [N/m], 0 if there was nothing to unload.
     """
 
     SPEED = 0.010  # [m/s]

@@ -139,10 +139,7 @@ def policy_of_class(name: str) -> Policy | None:
     which keywords its environment is made, such as ``{"control_hz": 10}``, and in ``files`` which files it reads,
     relative to the present folder: they are part of an entry on the leaderboard.
 
-    Raises
-    ------
-    ValueError
-        If there is no such module or class; tells why.
+    Raises ValueError if there is no such module or class; tells why.
     """
     module, colon, made = name.partition(":")
     if not (colon and module.replace(".", "").isidentifier()):

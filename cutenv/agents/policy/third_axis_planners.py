@@ -50,18 +50,13 @@ class ThirdPlan(NamedTuple):
 class MapSearch:
     """Random local search over plans of whole cuts, each simulated.
 
-    Parameters
-    ----------
-    cuttings : sequence of Episode
-        Cuts at their start, of one rate and deadline; they are copied and not changed.
+    The cuts, at their start and of one rate and deadline, are copied and not changed.
     """
 
     task: ClassVar[Task]
-    """Task of the cuts."""
     third: ClassVar[ThirdPlan]
-    """Plan of the third action."""
+    # distances by which the blade may have to go further than without the third action, tried first [m]
     later: ClassVar[tuple[float, ...]] = (0.0,)
-    """Distances by which the blade may have to go further than without the third action, tried first [m]."""
 
     def __init__(self, cuttings: Sequence[Any]) -> None:
         for cutting in cuttings:
@@ -142,18 +137,12 @@ class MapSearch:
 class MapPlanner(ArrayPolicy):
     """An oracle that knows the specimen and plans the whole cut.
 
-    Its plans come from a search, so the true optimum is better.
-
-    Parameters
-    ----------
-    rounds : int, optional
-        Number of rounds of the search.
+    Its plans come from a search of some ``rounds``, so the true optimum is better.
     """
 
     privileged = True
     default_rounds: ClassVar[int] = 20
     search: ClassVar[type[MapSearch]]
-    """Class of the search."""
 
     def __init__(self, *, rounds: int | None = None) -> None:
         rounds = self.default_rounds if rounds is None else rounds
@@ -260,17 +249,7 @@ class DepthSearch(MapSearch):
 
 
 class DepthPlanner(MapPlanner):
-    """The oracle of ``cutenv/DepthCut-v1``.
-
-    It knows the specimen and plans the whole cut.
-
-    Its plans come from a search, so the true optimum is better.
-
-    Parameters
-    ----------
-    rounds : int, optional
-        Number of rounds of the search.
-    """
+    """The oracle of ``cutenv/DepthCut-v1``."""
 
     search = DepthSearch
 
@@ -335,15 +314,8 @@ class PathSearch(MapSearch):
 class PathPlanner(MapPlanner):
     """The oracle of ``cutenv/PathCut-v1``.
 
-    It knows tissue and tip, and plans the whole cut.
-
     Speed, angle and end come from a search; the blade is steered by the true direction and stiffness of the crack, with
     lengths that are searched for as well.
-
-    Parameters
-    ----------
-    rounds : int, optional
-        Number of rounds of the search.
     """
 
     search = PathSearch

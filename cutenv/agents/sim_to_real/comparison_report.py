@@ -46,35 +46,19 @@ TWINS = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Evaluation:
-    """Content of an evaluation's report.
+    """Content of an evaluation's report."""
 
-    Attributes
-    ----------
-    policy, rig, specimen_class : str
-        Names of policy, rig and class.
-    seed : int
-        Seed of the specimens.
-    agreement : Agreement
-        Agreement of the cuts.
-    clock : ClockKept
-        Timing of the rig's control clock.
-    given : mapping of str to float
-        Constants identified on the rig and given to the simulator, in SI.
-    changed : mapping of str to float
-        Constants of an emulated or fake rig that were changed, in SI.
-    notes : tuple of str
-        Further notes for the reader.
-    """
-
-    policy: str
+    policy: str  # names of policy, rig and class
     rig: str
     specimen_class: str
     seed: int
     agreement: Agreement
-    clock: ClockKept
+    clock: ClockKept  # timing of the rig's control clock
+    # constants identified on the rig and given to the simulator, in SI
     given: Mapping[str, float] = field(default_factory=dict)
+    # constants of an emulated or fake rig that were changed, in SI
     changed: Mapping[str, float] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # further notes for the reader
 
     @property
     def title(self) -> str:
@@ -334,19 +318,9 @@ _KINDS = {"agree": ("good", "They agree"), "differ": ("bad", "They differ"), "un
 
 
 def write_evaluation(path: Path, evaluation: Evaluation) -> None:
-    """Write an evaluation as one self-contained page.
+    """Write an evaluation as one self-contained page (.html).
 
-    Parameters
-    ----------
-    path : Path
-        Path of the page (.html), in a folder that exists.
-    evaluation : Evaluation
-        Evaluation to write.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not installed; the message gives the command that installs it.
+    Raises ImportError if matplotlib is not installed; the message gives the command that installs it.
     """
     agreement = evaluation.agreement
     kind, word = _KINDS[agreement.verdict.answer]

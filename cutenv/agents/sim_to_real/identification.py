@@ -71,43 +71,22 @@ class Sine(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """Plan of the experiment, in SI.
+    """Plan of the experiment, in SI."""
 
-    Attributes
-    ----------
-    start : float
-        Position from which the blade moves away from the clamp, and to which it returns [m].
-    speeds : tuple of float
-        Speeds of the steps, one after the other [m/s].
-    step_hold : tuple of float
-        Duration of each step, and of the rest after it [s].
-    sines : tuple of Sine
-        Sines, one after the other.
-    turn_speed, turn_travel : float
-        Speed of the slow reversals [m/s], and distance between two of them [m].
-    turns : int
-        Number of slow reversals.
-    rest : float
-        Duration of the sensor's recording at rest [s].
-    """
-
-    start: float
-    speeds: tuple[float, ...]
-    step_hold: tuple[float, ...]
+    start: float  # position from which the blade moves away from the clamp, and to which it returns [m]
+    speeds: tuple[float, ...]  # speeds of the steps, one after the other [m/s]
+    step_hold: tuple[float, ...]  # duration of each step, and of the rest after it [s]
     sines: tuple[Sine, ...]
-    turn_speed: float = 0.25e-3
+    turn_speed: float = 0.25e-3  # speed of the slow reversals [m/s], and distance between two of them [m]
     turn_travel: float = 0.6e-3
-    turns: int = 8
-    rest: float = 20.0
+    turns: int = 8  # number of slow reversals
+    rest: float = 20.0  # duration of the sensor's recording at rest [s]
 
     @classmethod
     def within(cls, settings: RigSettings, position: float) -> Plan:
         """Return the plan at the nearest start that travel allows.
 
-        Raises
-        ------
-        RigError
-            If the travel is too short.
+        Raises RigError if the travel is too short.
         """
         limits, axis = settings.limits, settings.blade
         top = min(limits.speed / MARGIN, axis.speed)
@@ -152,24 +131,12 @@ _DIGITS = 2  # of a standard error, to which a value is rounded
 
 @dataclass(frozen=True, kw_only=True)
 class IdentifiedValue:
-    """Estimate of one constant, under its name in :class:`~cutenv.rig.config.settings.Identified`; SI.
-
-    Attributes
-    ----------
-    name : str
-        Name of the constant.
-    value : float or None
-        Estimated value; None if it cannot be measured.
-    error : float or None
-        Standard error.
-    how : str
-        Method, or the reason why it cannot be measured.
-    """
+    """Estimate of one constant, under its name in :class:`~cutenv.rig.config.settings.Identified`; SI."""
 
     name: str
-    value: float | None
+    value: float | None  # estimated value; None if it cannot be measured
     error: float | None
-    how: str
+    how: str  # method, or the reason why it cannot be measured
 
     @property
     def rounded(self) -> float | None:
@@ -183,27 +150,13 @@ class IdentifiedValue:
 
 @dataclass(frozen=True, kw_only=True)
 class Identification:
-    """Result of one experiment.
-
-    Attributes
-    ----------
-    plan : Plan
-        Moves of the experiment.
-    estimates : tuple of Estimate
-        Estimates, in the order of the rig's file.
-    response : Response
-        Response of the axis.
-    checks : tuple of SineCheck
-        Comparisons with sines that were not used for the fit.
-    steps, sines : tuple of Stretch
-        Recorded steps and sines, for a figure.
-    """
+    """Result of one experiment."""
 
     plan: Plan
-    estimates: tuple[IdentifiedValue, ...]
+    estimates: tuple[IdentifiedValue, ...]  # estimates, in the order of the rig's file
     response: Response
-    checks: tuple[SineCheck, ...]
-    steps: tuple[Stretch, ...]
+    checks: tuple[SineCheck, ...]  # comparisons with sines that were not used for the fit
+    steps: tuple[Stretch, ...]  # recorded steps and sines, for a figure
     sines: tuple[Stretch, ...]
 
     def __getitem__(self, name: str) -> IdentifiedValue:
@@ -278,30 +231,17 @@ _REST_TICKS = 100
 
 
 class Recorded(NamedTuple):
-    """Response of axis and sensor.
+    """Response of axis and sensor."""
 
-    Attributes
-    ----------
-    steps, sines : tuple of Stretch
-        Parts in the plan's order; for each speed there is a step away from the clamp and one back.
-    turns : Stretch
-        The slow reversals.
-    force : array of shape (n,)
-        Readings along the cut at rest [N].
-    rate : float
-        Rate of those readings [Hz].
-    axes : array of shape (n, 3)
-        The same readings of all three axes of the sensor [N]; empty if they were not kept.
-    """
-
+    # parts in the plan's order; for each speed there is a step away from the clamp and one back
     steps: tuple[Stretch, ...]
     sines: tuple[Stretch, ...]
     turns: Stretch
-    force: Array
-    rate: float
+    force: Array  # readings along the cut at rest [N], shape (n,)
+    rate: float  # rate of those readings [Hz]
+    # the same readings of all three axes of the sensor [N]; empty if they were not kept, shape (n, 3)
     axes: Array = np.zeros((0, 3))
-    felt: tuple[Felt, ...] = ()
-    """Readings along the cut during each sine; empty if they were not kept."""
+    felt: tuple[Felt, ...] = ()  # readings along the cut during each sine; empty if they were not kept
 
 
 LOST_TIME = (
@@ -320,25 +260,13 @@ def perform(
 ) -> Recorded:
     """Move the empty axis as planned, and record its response.
 
-    Parameters
-    ----------
-    plant : RigPlant
-        Opened, prepared and released, with the blade in air. It ends at rest where it started, and released.
-    plan : Plan
-        Planned moves.
-    tell : callable
-        Called with a message about the next part.
-    again : callable, optional
-        Called after a stop that a delay of this computer caused, to prepare and release the rig again. What was
-        measured before is kept, and the part that was stopped is measured again; at most ten times. Without it every
-        stop ends the experiment.
+    The rig is opened, prepared and released, with the blade in air. It ends at rest where it started, and released.
+    After a stop that a delay of this computer caused, ``again`` is called to prepare and release it again: what was
+    measured before is kept, and the part that was stopped is measured again; at most ten times. Without it every stop
+    ends the experiment.
 
-    Raises
-    ------
-    RigStopped
-        If the supervisor stops the blade for another reason, or too often.
-    RigError
-        If commands were reduced to a limit, so that the response is not to the plan.
+    Raises RigStopped if the supervisor stops the blade for another reason, or too often; RigError if commands were
+    reduced to a limit, so that the response is not to the plan.
     """
     sensor = plant.settings.sensor
     recorder = Recorder("xyz".index(sensor.cut_axis), sensor.sign)
@@ -480,10 +408,7 @@ def identification_from(settings: RigSettings, plan: Plan, recorded: Recorded) -
 
     Takes some seconds, so close the rig before.
 
-    Raises
-    ------
-    RigError
-        If the axis did not move, or too little was recorded.
+    Raises RigError if the axis did not move, or too little was recorded.
     """
     steps, sines, turns, force, rate, axes, felt = recorded
     axis = settings.blade

@@ -94,17 +94,8 @@ def force_over_position(trace: Trace) -> tuple[Array, Array]:
 def force_difference(first: Trace, second: Trace, *, displaced: float = 0.0) -> Array | None:
     """Return the force difference at equal positions up to a retreat.
 
-    Parameters
-    ----------
-    first, second : Trace
-        Records with position.
-    displaced : float
-        Distance by which the second is shifted away from the clamp [m].
-
-    Returns
-    -------
-    ndarray of shape (n,) or None
-        Difference in the traces' unit, ``STEP`` apart; None if they have less than 5 mm in common.
+    It is in the traces' unit, ``STEP`` apart, the second shifted away from the clamp by ``displaced`` [m]; None if they
+    have less than 5 mm in common.
     """
     (at, force), (other_at, other) = force_over_position(first), force_over_position(second)
     if not len(at) or not len(other_at):
@@ -143,10 +134,7 @@ def position_rmse(first: Trace, second: Trace) -> float | None:
 def height_rmse(first: Trace, second: Trace) -> float | None:
     """Return the root mean square height difference at equal times [m].
 
-    Returns
-    -------
-    float or None
-        None if one has no height, or they have less than 0.1 s in common.
+    It is None if one has no height, or they have less than 0.1 s in common.
     """
     if first.height is None or second.height is None:
         return None
@@ -156,10 +144,7 @@ def height_rmse(first: Trace, second: Trace) -> float | None:
 def place_rmse(first: Trace, second: Trace) -> float | None:
     """Return the blades' root mean square distance at equal times [m].
 
-    Returns
-    -------
-    float or None
-        None if one has no places, or they have less than 0.1 s in common.
+    It is None if one has no places, or they have less than 0.1 s in common.
     """
     if first.blade_x is None or second.blade_x is None:
         return None

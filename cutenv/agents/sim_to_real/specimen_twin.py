@@ -46,38 +46,21 @@ _INCLINED = math.radians(85.0)  # angle below which the ratio of the inclined cu
 
 @dataclass(frozen=True, eq=False)
 class SpecimenTwin:
-    """Tissue of a specimen as its record tells.
+    """Tissue of a specimen as its record tells."""
 
-    Attributes
-    ----------
-    specimen : Specimen
-        The most likely specimen.
-    until : float
-        Position of the blade up to which the record was used [m].
-    misfit : float
-        Root mean square difference of the force's mean and spread from the record's, in windows up to there [N].
-    numbers : ndarray of shape (4 + 2 * modes,)
-        What was fitted, in standard deviations of the tissue's spread.
-    spread : ndarray of shape (4 + 2 * modes, n)
-        Root of the covariance of these numbers, as far as the record leaves them open.
-    """
-
-    specimen: Specimen
-    until: float
+    specimen: Specimen  # the most likely specimen
+    until: float  # position of the blade up to which the record was used [m]
+    # root mean square difference of the force's mean and spread from the record's, in windows up to there [N]
     misfit: float
-    numbers: Array
+    numbers: Array  # what was fitted, in standard deviations of the tissue's spread, shape (4 + 2 * modes,)
+    # root of the covariance of these numbers, as far as the record leaves them open, shape (4 + 2 * modes, n)
     spread: Array
 
     def drawn(self, rng: np.random.Generator, measured: Array | None = None) -> Specimen:
         """Return a specimen that agrees with the record, the rest drawn.
 
-        Parameters
-        ----------
-        rng : numpy.random.Generator
-            Source of what is drawn.
-        measured : ndarray of shape (301,), optional
-            Depth of the specimen as it could have been measured [m]: beyond the fitted part it is taken for the true
-            one, whose difference from what was measured the record does not tell.
+        Its depth as it could have been ``measured`` [m], (301,), is beyond the fitted part taken for the true one,
+        whose difference from what was measured the record does not tell.
         """
         fields = _fields(self.specimen.tissue.correlation_length, round(self.until / SPACING))
         further = [fields.beyond @ rng.standard_normal(fields.beyond.shape[1]) for _ in range(2)]
@@ -93,10 +76,8 @@ class SpecimenTwin:
 class _Fields:
     """Unit Gaussian field, split at the fitted part's end."""
 
-    modes: Array
-    """Modes that the fitted part tells of, shape (301, modes)."""
-    beyond: Array
-    """Root of the covariance that is left, shape (301, n)."""
+    modes: Array  # modes that the fitted part tells of, shape (301, modes)
+    beyond: Array  # root of the covariance that is left, shape (301, n)
 
 
 @lru_cache(maxsize=64)
@@ -144,30 +125,12 @@ def fit_twin(
 ) -> SpecimenTwin:
     """Fit a specimen to the first half, or ``share``, of a record.
 
-    The blade is led along the recorded positions and angles, without drive and sensor; modulus, fracture resistance
-    and friction are those that give the recorded force best, weighed against the spread of the tissue.
+    The blade is led along the recorded positions and angles, without drive and sensor; modulus, fracture resistance and
+    friction are those that give the recorded force best, weighed against the spread of the tissue.  The record begins
+    at the clamp, with force in newtons, position, angle and depth; the force is behind the position by ``force_delay``
+    [s].
 
-    Parameters
-    ----------
-    trace : Trace
-        Record that begins at the clamp, with force in newtons, position, angle and depth.
-    tissue : TissueDescription
-        Kind of tissue.
-    law : LawParameters, optional
-        Constants of the cutting law.
-    force_delay : float
-        Delay of the force behind the position [s].
-    share : float
-        Share of the way that is fitted, above 0 and up to 1.
-
-    Returns
-    -------
-    SpecimenTwin
-
-    Raises
-    ------
-    ValueError
-        If the record lacks a field, or the blade goes less than 15 mm.
+    Raises ValueError if the record lacks a field, or the blade goes less than 15 mm.
     """
     tape = ReplayPlant(trace)
     readings, depth = tape.readings, np.clip(tape.depth, 1e-4, LENGTH)
