@@ -185,16 +185,6 @@ def test_the_lag_of_the_force_record_is_found_or_refused():
         clock_lag(time, np.random.default_rng(1).normal(size=len(time)), cut.time, cut.force)
 
 
-def test_the_result_is_saved(calibration, rest, film, tmp_path):
-    time, frames = film
-    tracks = track_beads(frames[:2], time[:2], calibration, rest, diameter=3.5)
-    pytest.importorskip("pyarrow", reason="Parquet is an extra: pip install 'cutenv[vision]'")
-    tracks.save(tmp_path / "tracks.parquet")
-    again = BeadTracks.load(tmp_path / "tracks.parquet")
-    assert np.array_equal(again.place, tracks.place)
-    assert again.metadata == tracks.metadata
-
-
 def test_a_view_that_is_left_out_makes_a_place_less_certain(session, calibration, rest, film):
     time, frames = film
     still = [frames[0]] * 7

@@ -9,6 +9,7 @@ target is the action that the script would have taken without it.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
@@ -23,8 +24,8 @@ from cutenv.agents.policy import Policy
 from cutenv.agents.policy.interface import as_array_policy
 from cutenv.agents.sb3 import FeatureVecEnv
 
-Batch = tuple[torch.Tensor, torch.Tensor, torch.Tensor]
-"""Observations, shape (..., size), actions, shape (..., k), and weights 1 or 0, shape (...)."""
+Batch = tuple[torch.Tensor, ...]
+"""Observations, shape (..., size), actions, shape (..., k), and further parts; of cuts, weights 1 or 0, shape (...)."""
 
 
 class Transitions(NamedTuple):
@@ -76,10 +77,11 @@ class Demonstrations(NamedTuple):
 
 
 class DecisionDataset:
-    """Observations and the actions to take; ``batch_size`` counts decisions."""
+    """Observations, the actions to take, and what else is known of each decision; ``batch_size`` counts decisions."""
 
-    def __init__(self, observations: np.ndarray, actions: np.ndarray) -> None:
-        self.observations, self.actions = torch.as_tensor(observations), torch.as_tensor(actions)
+    def __init__(self, observations: np.ndarray, actions: np.ndarray, *further: np.ndarray) -> None:
+        self.parts = [torch.as_tensor(part) for part in (observations, actions, *further)]
+        self.observations, self.actions = self.parts[:2]
 
     def count(self, batch_size: int) -> int:
         """Return the number of batches of an epoch."""
@@ -89,7 +91,7 @@ class DecisionDataset:
         """Yield every decision once, in random order."""
         order = torch.randperm(len(self.observations), generator=generator)
         for batch in order.split(batch_size):  # type: ignore[no-untyped-call]
-            yield self.observations[batch], self.actions[batch], torch.ones(len(batch))
+            yield tuple(part[batch] for part in self.parts)
 
 
 class CutDataset(NamedTuple):
@@ -171,22 +173,25 @@ def script_demonstrations(
     )
 
 
-class Cloning:
-    """Least-squares fit of a network to a data set, by epochs."""
+class Fit(ABC):
+    """Fit of parameters to a data set, epoch by epoch; the rate of learning falls along half a cosine to zero.
+
+    The order of an epoch depends only on the seed and the number of the epoch, so that a resumed fit gives the same
+    network as one that was not interrupted.
+    """
 
     def __init__(
         self,
-        network: Callable[[torch.Tensor], torch.Tensor],
         parameters: list[torch.nn.Parameter],
         dataset: DecisionDataset | CutDataset,
         *,
-        epochs: int = 15,
-        batch_size: int = 256,
-        learning_rate: float = 2e-3,
-        seed: int = 0,
+        epochs: int,
+        batch_size: int,
+        learning_rate: float,
+        seed: int,
     ) -> None:
-        self._network, self._dataset = network, dataset
-        self._epochs, self._batch_size, self._rate, self._seed = epochs, batch_size, learning_rate, seed
+        self._dataset, self._epochs, self._batch_size = dataset, epochs, batch_size
+        self._rate, self._seed = learning_rate, seed
         self.optimizer = torch.optim.Adam(parameters, lr=learning_rate)
         self.epoch = 0
         """Number of completed epochs."""
@@ -199,17 +204,54 @@ class Cloning:
             share = (self.epoch + k / per_epoch) / self._epochs
             for group in self.optimizer.param_groups:
                 group["lr"] = 0.5 * self._rate * (1.0 + math.cos(math.pi * share))
-            squares, count = self._squares(batch)
+            loss = self.loss(batch)
             self.optimizer.zero_grad()
-            (squares / count).backward()  # type: ignore[no-untyped-call]
+            loss.backward()  # type: ignore[no-untyped-call]
             self.optimizer.step()
+            self.stepped()
         self.epoch += 1
+
+    @abstractmethod
+    def loss(self, batch: Batch) -> torch.Tensor:
+        """Return the loss of a batch."""
+
+    def stepped(self) -> None:  # noqa: B027
+        """Do what follows a gradient step, if anything does."""
+
+    @abstractmethod
+    def error(self) -> float:
+        """Return the root mean square error of the actions."""
+
+
+class Cloning(Fit):
+    """Least-squares fit of a network to demonstrated actions."""
+
+    def __init__(
+        self,
+        network: Callable[[torch.Tensor], torch.Tensor],
+        parameters: list[torch.nn.Parameter],
+        dataset: DecisionDataset | CutDataset,
+        *,
+        epochs: int = 15,
+        batch_size: int = 256,
+        learning_rate: float = 2e-3,
+        seed: int = 0,
+    ) -> None:
+        super().__init__(
+            parameters, dataset, epochs=epochs, batch_size=batch_size, learning_rate=learning_rate, seed=seed
+        )
+        self._network = network
 
     def run(self) -> float:
         """Run all epochs; return the remaining root mean square error."""
         for _ in tqdm(range(self._epochs), desc="cloning", unit="epoch"):
             self.run_epoch()
         return self.error()
+
+    def loss(self, batch: Batch) -> torch.Tensor:
+        """Return the mean square error of the actions."""
+        squares, count = self._squares(batch)
+        return squares / count
 
     def error(self) -> float:
         """Return the root mean square error of the network's actions."""
@@ -221,5 +263,6 @@ class Cloning:
         return math.sqrt(total / counted)
 
     def _squares(self, batch: Batch) -> tuple[torch.Tensor, torch.Tensor]:
-        observations, actions, weights = batch
+        observations, actions, *further = batch
+        weights = further[0] if further else torch.ones(len(actions))
         return (((self._network(observations) - actions) ** 2).mean(-1) * weights).sum(), weights.sum()

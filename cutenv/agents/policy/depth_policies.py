@@ -29,8 +29,8 @@ from cutenv.agents.policy.interface import (
     ArrayPolicy,
     in_si,
 )
-from cutenv.agents.policy.scripted import OneReturnStroke, Script
-from cutenv.agents.policy.tip_estimate import TipEstimate, TwoForces, feel_two_forces, nothing_felt
+from cutenv.agents.policy.scripted import OneReturnStroke, Script, ThirdAxisScript
+from cutenv.agents.policy.tip_estimate import TwoForces, feel_two_forces, nothing_felt
 from cutenv.sim.quantities import SHALLOWEST
 from cutenv.sim.tissue.crack_tip import BladeReading
 from cutenv.sim.tissue.description import measured_liver
@@ -193,18 +193,15 @@ def _remember_depth(memory: Struct, position: float, surface: float, wanted: flo
     memory.passed = max(passed, reached)
 
 
-_OWN_SCALES = np.array([one.scale for one in DEPTH_COMPONENTS])
-_OWN_COLUMNS = {one.name: number for number, one in enumerate(DEPTH_COMPONENTS)}
-VERTICAL_MEAN, BLADE_DEPTH, WANTED = (_OWN_COLUMNS[name] for name in ("vertical_mean", "blade_depth", "wanted"))
+VERTICAL_MEAN, BLADE_DEPTH, WANTED = (_COLUMNS[name] - _FIRST for name in ("vertical_mean", "blade_depth", "wanted"))
 """Columns of what depth adds to an observation."""
-_OWN_DESCENT_SPEED = _OWN_COLUMNS["descent_speed"]
 _MOTION = [POSITION_COLUMN, SPEED_COLUMN, DEPTH_COLUMN, FORCE_MEAN_COLUMN]
 _TIME_LEFT = [one.name for one in COMPONENTS].index("time_left")
 _PROBE_TIME = 0.2  # [s]
 _DEPTH_SCALE = COMPONENTS[DEPTH_COLUMN].scale
 
 
-class DepthScript(ArrayPolicy):
+class DepthScript(ThirdAxisScript):
     """Base class: gentle cutting along the cut, with depth by :meth:`depths`.
 
     A cut is as deep as the blade is where the crack tip is, some millimetres behind.  So the surface and the wanted
@@ -215,38 +212,29 @@ class DepthScript(ArrayPolicy):
     the depth is followed, for the time that the blade takes [m].
     """
 
+    components = DEPTH_CUT.all_components
+
     def __init__(self, along: ArrayPolicy | None = None, *, gain: float = 4.0, lead: float = 0.004) -> None:
-        self.along = along or OneReturnStroke()
-        self._estimate = TipEstimate()
+        super().__init__(along)
         self._gain = in_range("gain", gain, 0.1, 100.0, "1/s", "A drive with a lag of 40 ms follows 4 well.")
         self._lead = in_range("lead", lead, 0.0, 0.05, "m", "1 mm is 0.001.")
 
     def begin(self, rngs: Sequence[np.random.Generator]) -> None:
         """Forget all cuts, and begin ``len(rngs)``; a script uses no randomness."""
-        self.along.begin(rngs)
-        self._estimate.begin(len(rngs))
         self._surface, self._wanted = np.zeros((len(rngs), N_POINTS)), np.zeros((len(rngs), N_POINTS))
         self._passed, self._begun = np.full(len(rngs), -1), np.full(len(rngs), np.nan)
         self.elapsed: Array = np.zeros(len(rngs))
-        self.start(len(rngs))
-
-    def start(self, count: int) -> None:
-        """Begin ``count`` cuts."""
+        """Time since each cut began [s], shape (n,)."""
+        super().begin(rngs)
 
     def forget(self, cuts: Indices) -> None:
         """Begin those cuts again that are given by index."""
-        self.along.forget(cuts)
-        self._estimate.forget(cuts)
+        super().forget(cuts)
         self._passed[cuts], self._begun[cuts] = -1, np.nan
 
     def act(self, observations: Array32) -> Array32:
         """Return actions, (n, 3), for all cuts' observations, (n, 22)."""
-        observations = np.asarray(observations, np.float32)
-        if observations.shape[1:] != (len(DEPTH_CUT.all_components),):
-            raise ValueError(
-                f"observations have shape {observations.shape}; give (n, {len(_OWN_SCALES) + len(COMPONENTS)})."
-            )
-        shown, seen = observations[:, : len(COMPONENTS)].copy(), observations[:, len(COMPONENTS) :] * _OWN_SCALES
+        shown, seen = self.parted(observations)
         along = in_si(shown)
         self._begun = np.where(np.isnan(self._begun), along[:, _TIME_LEFT], self._begun)
         self.elapsed = self._begun - along[:, _TIME_LEFT]
@@ -254,12 +242,8 @@ class DepthScript(ArrayPolicy):
         shown[:, DEPTH_COLUMN] = seen[:, BLADE_DEPTH] / _DEPTH_SCALE
         tips = self.tips(in_si(shown), seen)
         point = np.clip(((tips + self._lead) / SPACING + 0.5).astype(int), 0, self._passed)
-        rows = np.arange(len(point))
-        actions = np.empty((len(shown), 3), np.float32)
-        if isinstance(self.along, Script):
-            self.along.unloading.across = seen[:, VERTICAL_MEAN]
-        actions[:, :2] = self.along.act(shown)
-        depths = self.depths(self._wanted[rows, point], seen, actions)
+        actions = self.move(shown, seen[:, VERTICAL_MEAN])
+        depths = self.depths(self._wanted[np.arange(len(point)), point], seen, actions)
         level = along[:, DEPTH_COLUMN] - seen[:, BLADE_DEPTH]
         descent = self._gain * (level - (self.surfaces(point) - depths))
         actions[:, 2] = np.clip(speed_action(descent * (SPEED_SCALE / DESCENT_SCALE)), -1.0, 1.0)
@@ -348,7 +332,7 @@ class DepthByTwoForces(FollowDepth):
         """Return the tips by two forces, or by a return stroke's measurement."""
         located = super().tips(along, seen)
         lags = self._forces.lags(
-            np.column_stack([along[:, _MOTION], seen[:, VERTICAL_MEAN], seen[:, _OWN_DESCENT_SPEED]])
+            np.column_stack([along[:, _MOTION], seen[:, VERTICAL_MEAN], seen[:, _DESCENT_SPEED - _FIRST]])
         )  # fmt: skip
         tips: Array = np.where(self._estimate.memory["probed"] == 1, located, along[:, POSITION_COLUMN] - lags)
         return tips

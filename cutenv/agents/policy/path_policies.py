@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import partial
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -24,8 +24,7 @@ from cutenv._engine.elementary import exp, tanh
 from cutenv._engine.jit import njit, njit_internal
 from cutenv.agents.policy.features import Features
 from cutenv.agents.policy.interface import POSITION_COLUMN, SPEED_COLUMN, ArrayPolicy, in_si
-from cutenv.agents.policy.scripted import OneReturnStroke, Script, StopAndUnload
-from cutenv.agents.policy.tip_estimate import TipEstimate
+from cutenv.agents.policy.scripted import OneReturnStroke, StopAndUnload, ThirdAxisScript
 from cutenv.sim.tissue.grid import N_POINTS, POINTS_PER_METRE, SPACING
 from cutenv.task.observation import CLIP, COMPONENTS, DEAD_ZONE, SPEED_SCALE, speed_action
 from cutenv.task.path import LINE_AHEAD, PATH_COMPONENTS, PATH_CUT, TURN_SCALE
@@ -194,13 +193,11 @@ def _add_path(course: Struct, estimate: Struct, observation: StructArray, featur
         features[i] = min(max(features[i], -CLIP), CLIP)
 
 
-_OWN_SCALES = np.array([one.scale for one in PATH_COMPONENTS])
-_OWN_COLUMNS = {one.name: number for number, one in enumerate(PATH_COMPONENTS)}
 LATERAL, LATERAL_MEAN, ASIDE, DIRECTION, BEND, ASIDE_FURTHER = (
-    _OWN_COLUMNS[name] for name in ("lateral", "lateral_mean", "aside", "direction", "bend", "aside_further")
+    _COLUMNS[name] - _FIRST for name in ("lateral", "lateral_mean", "aside", "direction", "bend", "aside_further")
 )
 """Columns of what the path adds to an observation."""
-_BENDS = [_OWN_COLUMNS[name] for name in ("bend", "bend_near", "bend_further")]
+_BENDS = [_COLUMNS[name] - _FIRST for name in ("bend", "bend_near", "bend_further")]
 _RETURN_LENGTH = 0.004  # [m], length within which a blade comes back to its course
 _LARGEST_TURN = 0.5  # [rad], of a blade to the line
 _YIELDED = 0.003  # [m/N], by which the tissue yields to a side; less, since friction is felt too
@@ -229,45 +226,19 @@ class SeenPath(NamedTuple):
         return angle
 
 
-class PathScript(ArrayPolicy):
-    """Base class of gentle-cutting policies that steer by :meth:`bends`.
+class PathScript(ThirdAxisScript):
+    """Base class of gentle-cutting policies that steer by :meth:`bends`."""
 
-    ``along`` is by default the best script of gentle cutting.
-    """
-
+    components = PATH_CUT.all_components
     # keywords of the environment for which it was made; none: it may have any
     environment_arguments: Mapping[str, Any] = MappingProxyType({})
 
-    def __init__(self, along: ArrayPolicy | None = None) -> None:
-        self.along = along or OneReturnStroke()
-        self._estimate = TipEstimate()
-
-    def begin(self, rngs: Sequence[np.random.Generator]) -> None:
-        """Forget all cuts, and begin ``len(rngs)``; a script uses no randomness."""
-        self.along.begin(rngs)
-        self._estimate.begin(len(rngs))
-        self.start(len(rngs))
-
-    def start(self, count: int) -> None:
-        """Begin ``count`` cuts."""
-
-    def forget(self, cuts: Indices) -> None:
-        """Begin those cuts again that are given by index."""
-        self.along.forget(cuts)
-        self._estimate.forget(cuts)
-
     def act(self, observations: Array32) -> Array32:
         """Return actions, (n, 3), for all cuts' observations, (n, 28)."""
-        observations = np.asarray(observations, np.float32)
-        if observations.shape[1:] != (len(PATH_CUT.all_components),):
-            raise ValueError(f"observations have shape {observations.shape}; give (n, {len(PATH_CUT.all_components)}).")
-        shown = observations[:, : len(COMPONENTS)]
+        shown, line = self.parted(observations)
         along = in_si(shown)
-        seen = SeenPath(along, observations[:, len(COMPONENTS) :] * _OWN_SCALES, self._estimate.estimates(along))
-        actions = np.empty((len(shown), 3), np.float32)
-        if isinstance(self.along, Script):
-            self.along.unloading.across = seen.line[:, LATERAL]
-        actions[:, :2] = self.along.act(shown)
+        seen = SeenPath(along, line, self._estimate.estimates(along))
+        actions = self.move(shown, line[:, LATERAL])
         turn = along[:, SPEED_COLUMN] * self.bends(seen, actions)
         actions[:, 2] = np.clip(speed_action(turn * (SPEED_SCALE / TURN_SCALE)), -1.0, 1.0)
         return actions

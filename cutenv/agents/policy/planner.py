@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -308,10 +308,11 @@ class PlannerWithTruth(ArrayPolicy):
         Number of rounds of the search.
     """
 
-    def __init__(self, *, rounds: int = 20) -> None:
-        self._rounds = int(in_range("rounds", rounds, 0, 10**6, "1", "20 come within 0.002 of 200."))
-
     privileged = True
+    cure: ClassVar[str] = "20 come within 0.002 of 200."
+
+    def __init__(self, *, rounds: int = 20) -> None:
+        self._rounds = int(in_range("rounds", rounds, 0, 10**6, "1", self.cure))
 
     def begin(self, rngs: Sequence[np.random.Generator]) -> None:
         """Forget all cuts, and begin ``len(rngs)``."""
@@ -328,12 +329,16 @@ class PlannerWithTruth(ArrayPolicy):
         """Plan the cut that is about to begin."""
         self.set_states([cutting])
 
-    def set_states(self, cuttings: Sequence[Episode]) -> None:
+    def set_states(self, cuttings: Sequence[Any]) -> None:
         """Plan the cuts that are about to begin, on all cores."""
+        self._actions = list(self.planned(cuttings))
+        self._decided = np.zeros(len(cuttings), int)
+
+    def planned(self, cuttings: Sequence[Any]) -> Iterable[Array32]:
+        """Return each cut's actions by decision, shape (decisions, k)."""
         search = Search(*cuttings)
         plans = [plan for plan, _ in search.best(self._rngs, rounds=self._rounds)]
-        self._actions = [actions.astype(np.float32) for actions in search.commands(plans)]
-        self._decided = np.zeros(len(cuttings), int)
+        return (actions.astype(np.float32) for actions in search.commands(plans))
 
     def act(self, observations: Array32) -> Array32:
         """Return the next action of each plan, whatever the observations."""

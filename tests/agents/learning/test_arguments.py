@@ -173,11 +173,6 @@ def test_without_options_the_defaults_hold():
     assert parsed_line() == Arguments()
 
 
-def test_without_a_command_line_that_of_the_process_is_read(monkeypatch):
-    monkeypatch.setattr("sys.argv", ["program", "--cuts", "7"])
-    assert parse(Arguments, None).cuts == 7
-
-
 def test_options_arrive_with_their_kinds():
     given = ["--name", "7", "--cuts", "7", "--noise-mm", "7", "--tissue", "uniform", "--files", "a", "b", "--quiet"]
     expected = Arguments(name="7", cuts=7, noise_mm=7.0, tissue="uniform", files=("a", "b"), quiet=True)

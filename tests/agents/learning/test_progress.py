@@ -15,8 +15,8 @@ from tqdm import tqdm  # noqa: E402
 
 from cutenv.agents.learning import on_policy, progress  # noqa: E402
 from cutenv.agents.learning.arguments import LearnerArguments, PPOArguments  # noqa: E402
-from cutenv.agents.learning.ppo import LEARNER  # noqa: E402
 
+LEARNER = on_policy.ON_POLICY["ppo"]
 SMALL = PPOArguments(
     environments=2, rollout=8, batch_size=16, demonstrations=0, averaging=0.25, timesteps=64, validations=2,
     validation_specimens=2,

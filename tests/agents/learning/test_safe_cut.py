@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -78,9 +77,7 @@ def test_a_penalised_reward_is_the_reward_less_the_price_of_the_cost():
 
 
 @pytest.mark.parametrize(("budget", "pays"), [(0.0, True), (100.0, False)])
-def test_the_multiplier_rises_while_the_cost_is_above_the_budget_and_is_never_negative(
-    budget, pays, tmp_path: Path, capsys
-):
+def test_the_multiplier_rises_while_the_cost_is_above_the_budget_and_is_never_negative(budget, pays, tmp_path, capsys):
     train(LagrangianArguments(budget=budget, multiplier=0.01, multiplier_rate=0.02, **SMALL), tmp_path / "run")
     multiplier = float(re.search(r"multiplier at the end: (\S+)", capsys.readouterr().out)[1])
     assert multiplier > 0.01 if pays else multiplier == 0.0

@@ -44,11 +44,6 @@ def test_in_the_mean_tissue_the_tip_is_where_it_is_estimated(commands):
     assert np.abs(errors(None, commands)[25:]).max() < 0.3e-3
 
 
-def test_in_other_tissue_it_is_not_so_the_check_can_fail():
-    stiff = Specimen.homogeneous(modulus=2.5 * LIVER.modulus, fracture_resistance=240.0, depth=LIVER.mean_depth)
-    assert np.abs(errors(stiff, [CUT])[25:]).max() > 2e-3
-
-
 def test_the_depth_where_the_tip_stands_is_remembered_from_when_the_blade_passed():
     rising = [(5.0, CRUISE, UPRIGHT)]
     remembered = np.abs(errors(Specimen.mean(), rising)[40:]).max()
@@ -130,15 +125,6 @@ def test_a_return_stroke_measures_stiffness_and_friction_and_finds_the_tip_from_
     assert np.std(stiffnesses) > 0.15, "livers differ"
     assert np.median(np.abs(tips)) < 0.4e-3
     assert np.median(np.abs(np.array(frictions) - 1.0)) < 0.1
-
-
-def test_without_a_return_stroke_it_does_not_so_the_check_can_fail():
-    tips = []
-    for seed in range(12):
-        tip, estimate, truth, _ = after_a_return_stroke(seed, stroke=0.0)
-        assert estimate.memory["probed"][0] == 0
-        tips.append(tip - truth["tip_m"])
-    assert np.median(np.abs(tips)) > 0.8e-3
 
 
 def test_the_run_that_is_predicted_is_that_of_the_energy_balance():

@@ -60,11 +60,6 @@ def test_cuts_that_end_otherwise_are_found() -> None:
     check_it_is_found("success", end="overshoot", success=False)
 
 
-def test_a_force_as_it_should_be_is_not_found() -> None:
-    with pytest.raises(AssertionError):
-        check_it_is_found("force_offset", offset=0.0)
-
-
 def test_few_specimens_leave_it_open_and_say_how_many_would_do() -> None:
     verdict = made_up_agreement(specimens=6, offset=0.045).verdict
     assert verdict.answer == "undecided"
