@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -94,13 +94,7 @@ class BeadTracks:
         if rows.size == 0:
             raise KeyError(f"there is no bead {bead}; there are {self.beads}.")
         rows = rows[np.argsort(self.time[rows])]
-        return BeadTracks(
-            bead=self.bead[rows],
-            time=self.time[rows],
-            place=self.place[rows],
-            covariance=self.covariance[rows],
-            metadata=self.metadata,
-        )
+        return replace(self, **{name: getattr(self, name)[rows] for name in ("bead", "time", "place", "covariance")})
 
     def save(self, path: Path | str) -> None:
         """Write the tracks as Parquet, with :data:`TRACK_COLUMNS`."""
@@ -257,15 +251,9 @@ def bead_rises(tracks: BeadTracks, trace: Trace, moduli: ModulusEstimate) -> Bea
             f"no bead was seen in {FEWEST_FRAMES} frames of one loading ramp: of the record's {len(loads)} ramps the "
             f"first runs from {loads[0].time[0]:.3g} to {loads[0].time[1]:.3g} s. Film faster, or cut more slowly."
         )
-    ramp, bead_of, rests, rise_of, covariance_of = zip(*rows, strict=True)
+    ramp, bead, rest, rise, covariance = map(np.array, zip(*rows, strict=True))
     return BeadRises(
-        ramps=loads,
-        ramp=np.array(ramp),
-        bead=np.array(bead_of),
-        place=np.array(rests),
-        rise=np.array(rise_of),
-        covariance=np.array(covariance_of),
-        flags=tuple(flags),
+        ramps=loads, ramp=ramp, bead=bead, place=rest, rise=rise, covariance=covariance, flags=tuple(flags)
     )
 
 
@@ -346,13 +334,8 @@ class SpecimenFrame:
 
     def register(self, tracks: BeadTracks) -> BeadTracks:
         """Return tracks transformed from the calibration's into the specimen's frame."""
-        return BeadTracks(
-            bead=tracks.bead,
-            time=tracks.time,
-            place=(tracks.place - self.origin) @ self.axes.T,
-            covariance=self.axes @ tracks.covariance @ self.axes.T,
-            metadata=tracks.metadata,
-        )
+        place, covariance = (tracks.place - self.origin) @ self.axes.T, self.axes @ tracks.covariance @ self.axes.T
+        return replace(tracks, place=place, covariance=covariance)
 
 
 def clock_lag(

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -234,7 +233,7 @@ def track_beads(
     looks: list[BeadLook] = []
     hidden = np.zeros((len(calibration.views), len(known)))
     left_out: dict[str, str] = {}
-    rows: list[tuple[Indices, float, Array, Array]] = []
+    rows: list[tuple[Indices, Array, Array, Array]] = []
     reasons = (
         "its image may be another bead's",
         "no view shows it",
@@ -271,7 +270,8 @@ def track_beads(
             unplaced[reason] += ~shown & which
         unplaced[reasons[2]] += shown & ~certain
         shown &= certain
-        rows.append((known[shown], float(now), state.place[shown], state.variance[shown].copy()))
+        moments = np.full(int(shown.sum()), float(now))
+        rows.append((known[shown], moments, state.place[shown], state.variance[shown].copy()))
         if progress is not None:
             progress(done)
     if done == 0:
@@ -290,7 +290,8 @@ def track_beads(
         },
         "residuals": {view.name: dict(view.residuals) for view in calibration.views},
     }
-    return _tracks(rows, metadata)
+    bead, moment, place, covariance = map(np.concatenate, zip(*rows, strict=True))
+    return BeadTracks(bead=bead, time=moment, place=place, covariance=covariance, metadata=metadata)
 
 
 def _at_rest(rest: ArrayLike, rest_covariance: ArrayLike) -> tuple[Indices, BeadFilter]:
@@ -375,13 +376,3 @@ def _check_first(seen: NDArray[np.bool_], views: Sequence[CArmView]) -> None:
                 f"view {view.name!r} shows {shown.sum()} of {len(shown)} beads where the calibration and their places "
                 "expect them. Is it turned or mirrored, are the views in another order, or is the calibration another?"
             )
-
-
-def _tracks(rows: list[tuple[Any, ...]], metadata: dict[str, Any]) -> BeadTracks:
-    return BeadTracks(
-        bead=np.concatenate([bead for bead, *_ in rows]),
-        time=np.concatenate([np.full(len(bead), now) for bead, now, *_ in rows]),
-        place=np.concatenate([place for _, _, place, _ in rows]),
-        covariance=np.concatenate([covariance for *_, covariance in rows]),
-        metadata=metadata,
-    )

@@ -102,7 +102,7 @@ _CLEAR = 3.0  # standard errors by which a compliance must differ from zero
 _FIRST_TIP = 0.01  # [m] from the clamp: nearer to it the field of a force is too small to tell a modulus
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class ImageModuli:
     """Moduli by beads of one cut; arrays of shape (n_ramps,)."""
 
@@ -194,8 +194,7 @@ class FilmedMeasurement:
             raise ValueError(
                 "no ramp tells a modulus by its beads: 3 of them must be seen to move, the tip 1 cm from the clamp."
             )
-        ramp, position, modulus, error = (np.array(values) for values in zip(*found, strict=True))
-        return ImageModuli(ramp=ramp, position=position, modulus=modulus, standard_error=error)
+        return ImageModuli(*map(np.array, zip(*found, strict=True)))
 
 
 def weights_of(rises: BeadRises, dim: int) -> Array:
@@ -270,7 +269,7 @@ NEAR = 0.02
 _LEAST_CORRELATION = 0.5
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class BeadRow:
     """One bead, as in Table 7.1.
 
@@ -352,17 +351,8 @@ class FieldComparison:
                 continue
             across, along = self.rises.place[own][0, :2]
             computed, measured = (np.linalg.norm(u[own], axis=1).mean() for u in (self.computed, self.measured))
-            rows.append(
-                BeadRow(
-                    bead=int(bead),
-                    across=float(across),
-                    along=float(along),
-                    ramps=int(own.sum()),
-                    computed=float(computed),
-                    measured=float(measured),
-                    rms=self.rms(own),
-                )
-            )
+            place, size = (float(across), float(along)), (float(computed), float(measured))
+            rows.append(BeadRow(int(bead), *place, int(own.sum()), *size, self.rms(own)))
         return rows
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -346,11 +346,7 @@ class CArmView:
         """
         projection, residual = fit_projection(points, self.undistort(pixels))
         rms = float(np.sqrt((residual**2).sum(axis=1).mean()))
-        return CArmView(
-            **{name: getattr(self, name) for name in ("name", "shape", "aspect", "distortion")},
-            projection=projection,
-            residuals={**self.residuals, "phantom_px": rms},
-        )
+        return replace(self, projection=projection, residuals={**self.residuals, "phantom_px": rms})
 
 
 def calibrate_view(

@@ -44,13 +44,7 @@ class Spots:
 
     def where(self, kept: NDArray[np.bool_]) -> Spots:
         """Return the spots selected by a mask, shape (n,)."""
-        return Spots(
-            place=self.place[kept],
-            covariance=self.covariance[kept],
-            amplitude=self.amplitude[kept],
-            sigma=self.sigma[kept],
-            scatter=self.scatter[kept],
-        )
+        return Spots(**{name: values[kept] for name, values in vars(self).items()})
 
 
 def checked_image(image: ArrayLike, name: str = "image") -> Array:

@@ -203,8 +203,10 @@ class Contestant:
     specimens: int | None = None  # number of the first specimens, which it cuts alone; by default it cuts all
 
 
-def _end_with_parent() -> None:
-    """End this worker when its parent is killed."""
+def _begin_worker() -> None:
+    """Use one core, leave Ctrl-C to the parent, and end when that is killed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    set_cores(1)
 
     def watch() -> None:
         parent = multiprocessing.parent_process()
@@ -213,13 +215,6 @@ def _end_with_parent() -> None:
             os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
-
-
-def _begin_worker() -> None:
-    """Use one core, and leave Ctrl-C to the parent."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    set_cores(1)
-    _end_with_parent()
 
 
 @contextlib.contextmanager

@@ -53,15 +53,9 @@ _ELSEWHERE = ("time_s", "is_success", *INTERVENED)
 _FORCES = {"force_N": "force_x_N", "lateral_force_N": "force_y_N", "vertical_force_N": "force_z_N"}
 """Components of ``observation.wrench`` that may be measured, by the names of the infos, in their order."""
 _FRAME = "blade: x against its motion, y to its right, z up"
-_FRAMES_IN_FILE, _FILES_IN_CHUNK, _MEGABYTES = (
-    200_000,
-    1000,
-    100,
-)  # LeRobot's limit is 100 MB; a frame is 0.3 kB at most
-_DATA, _EPISODES = (
-    "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
-    "meta/episodes/chunk-000/file-000.parquet",
-)
+_FRAMES_IN_FILE, _FILES_IN_CHUNK, _MEGABYTES = 200_000, 1000, 100  # LeRobot's limit is 100 MB; a frame is 0.3 kB
+_DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+_EPISODES = "meta/episodes/chunk-000/file-000.parquet"
 _QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
 _ID = re.compile(r"[-\w.]+/[-\w.]+")
 Columns = dict[str, NDArray[Any]]

@@ -152,11 +152,8 @@ def _name(number: int, part: str) -> str:
 
 
 def _layer(arrays: Mapping[str, Array32], prefix: str) -> Layer:
-    for part in _PARTS:
-        if f"{prefix}.{part}" not in arrays:
-            some = ", ".join(sorted(arrays)[:6]) or "nothing"
-            raise ValueError(f"array '{prefix}.{part}' is missing; found {some}{', ...' if len(arrays) > 6 else ''}.")
-    return arrays[f"{prefix}.weight"], arrays[f"{prefix}.bias"]
+    weight, bias = (_found(arrays, f"{prefix}.{part}") for part in _PARTS)
+    return weight, bias
 
 
 def checked_array(name: str, values: Array32, dimensions: int) -> Array32:

@@ -156,12 +156,9 @@ class Evaluation:
 _HEADS = "rig minus simulator", "unit", "simulator", "rig", "difference [95 %]", "margin", "answer"
 
 
-def _cells(each: Finding) -> list[str]:
-    unit, shift = shown_unit(each.measure.unit), each.shift
-    values = [rounded_text(unit.from_si(value)) for value in (each.simulator, each.rig)]
-    difference = interval(*map(unit.from_si, (shift.value, shift.low, shift.high)))
-    margin = three_digits(unit.from_si(shift.margin))
-    return [each.measure.name, unit.sign, *values, difference, margin, each.answer]
+def _cells(found: Finding) -> list[str]:
+    unit, (simulator, rig, shift, _, margin, _, answer) = _shown(found)
+    return [found.measure.name, unit, simulator, rig, shift, margin, answer]
 
 
 def rounded_text(value: float) -> str:

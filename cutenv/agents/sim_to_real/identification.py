@@ -129,7 +129,7 @@ class Plan:
 _DIGITS = 2  # of a standard error, to which a value is rounded
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class IdentifiedValue:
     """Estimate of one constant, under its name in :class:`~cutenv.rig.config.settings.Identified`; SI."""
 
@@ -420,97 +420,77 @@ def identification_from(settings: RigSettings, plan: Plan, recorded: Recorded) -
     friction = coulomb_friction(
         steps, axis, lag=response.lag, acceleration=response.least_acceleration, dead_time=max(response.dead_time, 0.0)
     )
-    delay = (
-        force_delay(sines, felt, [sine.frequency for sine in plan.sines])
-        if felt
-        else Unseen("no readings of the force beside the sines")
-    )
-    late = _of_delay(delay, settings.sensor.sign)
-    estimates = (*_of_response(response), _of_play(play(turns, axis)), _of_friction(friction), *at_rest, late)
+    delay = Unseen("no readings of the force beside the sines")
+    late = force_delay(sines, felt, [sine.frequency for sine in plan.sines]) if felt else delay
+    estimates = (
+        *_of_response(response), _of_play(play(turns, axis)), _of_friction(friction), *at_rest,
+        _of_delay(late, settings.sensor.sign),
+    )  # fmt: skip
     checks: tuple[SineCheck, ...] = tuple(
         check_sine(sine, planned.frequency, response) for sine, planned in zip(sines, plan.sines, strict=True)
     )
     return Identification(plan=plan, estimates=estimates, response=response, checks=checks, steps=steps, sines=sines)
 
 
+def _unseen(how: str, *names: str) -> list[IdentifiedValue]:
+    return [IdentifiedValue(name, None, None, how) for name in names]
+
+
 def _of_response(response: Response) -> list[IdentifiedValue]:
     fitted = f"least squares on {1e6 * response.misfit:.0f} um of misfit in the steps"
-    limit = IdentifiedValue(
-        name="acceleration",
-        value=response.acceleration,
-        error=None if response.acceleration is None else response.acceleration_error,
-        how=f"no step met a limit; above {response.least_acceleration:.2g} m/s2"
-        if response.acceleration is None
-        else "slope of the fast steps; " + fitted,
-    )
+    delayed = "delay of the answer to the steps; holds the way over the bus and back"
+    if response.acceleration is None:
+        limit = _unseen(f"no step met a limit; above {response.least_acceleration:.2g} m/s2", "acceleration")
+    else:
+        slope = f"slope of the fast steps; {fitted}"
+        limit = [IdentifiedValue("acceleration", response.acceleration, response.acceleration_error, slope)]
     return [
-        IdentifiedValue(name="motor_lag", value=response.lag, error=response.lag_error, how=fitted),
-        IdentifiedValue(
-            name="dead_time",
-            value=max(response.dead_time, 0.0),
-            error=response.dead_time_error,
-            how="delay of the answer to the steps; holds the way over the bus and back",
-        ),
-        limit,
+        IdentifiedValue("motor_lag", response.lag, response.lag_error, fitted),
+        IdentifiedValue("dead_time", max(response.dead_time, 0.0), response.dead_time_error, delayed),
+        *limit,
     ]
 
 
 def _of_play(found: Play | Unseen) -> IdentifiedValue:
     if isinstance(found, Unseen):
-        return IdentifiedValue(name="backlash", value=None, error=None, how=found.why)
-    how = (
-        f"way after slow reversals until torque rises by {found.carriage:.1f} N: play, and the screw's stretch by that"
-    )
-    return IdentifiedValue(name="backlash", value=found.backlash, error=found.error, how=how)
+        return _unseen(found.why, "backlash")[0]
+    rise = f"way after slow reversals until torque rises by {found.carriage:.1f} N"
+    return IdentifiedValue("backlash", found.backlash, found.error, f"{rise}: play, and the screw's stretch by that")
 
 
 def _of_friction(found: Friction | Unseen) -> IdentifiedValue:
     if isinstance(found, Unseen):
-        return IdentifiedValue(name="friction", value=None, error=None, how=found.why)
+        return _unseen(found.why, "friction")[0]
     how = f"torque at steady speeds both ways, of motor, screw and guide; {found.viscous:.0f} N s/m besides"
-    return IdentifiedValue(name="friction", value=found.coulomb, error=found.error, how=how)
+    return IdentifiedValue("friction", found.coulomb, found.error, how)
 
 
 def _of_delay(found: ForceDelay | Unseen, sign: int) -> IdentifiedValue:
     if isinstance(found, Unseen):
-        return IdentifiedValue(name="force_delay", value=None, error=None, how=found.why)
+        return _unseen(found.why, "force_delay")[0]
     if found.mass < 0.0:
-        how = f"the force has the wrong sign: write sensor.sign = {-sign}, and measure again"
-        return IdentifiedValue(name="force_delay", value=None, error=None, how=how)
+        wrong = f"the force has the wrong sign: write sensor.sign = {-sign}, and measure again"
+        return _unseen(wrong, "force_delay")[0]
     how = f"phase of the inertia of {1e3 * found.mass:.0f} g that the sensor carries, behind the position"
-    return IdentifiedValue(name="force_delay", value=max(found.delay, 0.0), error=found.error, how=how)
+    return IdentifiedValue("force_delay", max(found.delay, 0.0), found.error, how)
 
 
 def _of_axes(axes: Array, rate: float) -> list[IdentifiedValue]:
     names = ("force_still_x", "force_still_y", "force_still_z")
     if not len(axes):
-        return [IdentifiedValue(name=name, value=None, error=None, how="the axes were not recorded") for name in names]
+        return _unseen("the axes were not recorded", *names)
     how = "longest run of equal readings that noise allows, or three times the longest seen"
-    return [
-        IdentifiedValue(name=name, value=longest_still(axes[:, number], rate), error=None, how=how)
-        for number, name in enumerate(names)
-    ]
+    return [IdentifiedValue(name, longest_still(axes[:, k], rate), None, how) for k, name in enumerate(names)]
 
 
 def _of_sensor(force: Array, rate: float) -> list[IdentifiedValue]:
-    names = ("force_noise", "force_resolution", "force_drift")
     found = sensor_at_rest(force, rate)
     if found is None:
-        return [
-            IdentifiedValue(name=name, value=None, error=None, how="all readings at rest are equal") for name in names
-        ]
-    unseen = f"no walk of the zero is seen: below {found.drift_seen:.2g} N"
+        return _unseen("all readings at rest are equal", "force_noise", "force_resolution", "force_drift")
+    walk = "walk of the zero" if found.drift else f"no walk of the zero is seen: below {found.drift_seen:.2g} N"
+    drift = f"{walk}; likelihood of {1e3 * NOISE_BLOCK:g} ms means"
     return [
-        IdentifiedValue(
-            name="force_noise", value=found.noise, error=found.noise_error, how="readings at rest, before rounding"
-        ),
-        IdentifiedValue(
-            name="force_resolution", value=found.resolution, error=None, how="smallest step of the readings"
-        ),
-        IdentifiedValue(
-            name="force_drift",
-            value=found.drift,
-            error=found.drift_error,
-            how=f"{'walk of the zero' if found.drift else unseen}; likelihood of {1e3 * NOISE_BLOCK:g} ms means",
-        ),
+        IdentifiedValue("force_noise", found.noise, found.noise_error, "readings at rest, before rounding"),
+        IdentifiedValue("force_resolution", found.resolution, None, "smallest step of the readings"),
+        IdentifiedValue("force_drift", found.drift, found.drift_error, drift),
     ]

@@ -9,7 +9,7 @@ import dataclasses
 import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -172,7 +172,7 @@ RELATIVE = 0.01
 caliper and a time grid of SYNCs are not known better."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Measure:
     """Number of a cut compared between rig and simulator.
 
@@ -196,6 +196,7 @@ class Measure:
     unit: str
     meaning: str
     least_margin: float
+    _: KW_ONLY
     share: bool = False
     paired: bool = False
     value: Callable[[ComparedCut, Sequence[ComparedCut]], float | None]
@@ -254,79 +255,51 @@ def _beside(
 
 _TASK = (
     Measure(
-        name="return",
-        unit="1",
-        meaning="Sum of the cut's rewards, from estimates that a rig can make.",
-        least_margin=_RETURN,
+        "return", "1", "Sum of the cut's rewards, from estimates that a rig can make.", _RETURN,
         value=lambda cut, others: cut.value,
     ),
     Measure(
-        name="success",
-        unit="1",
-        meaning="1 if the cut was a success: finished, near the target and upright.",
-        least_margin=_COUNTED,
-        share=True,
+        "success", "1", "1 if the cut was a success: finished, near the target and upright.", _COUNTED, share=True,
         value=lambda cut, others: float(cut.success),
     ),
-)
+)  # fmt: skip
 _BESIDE = (
     Measure(
-        name="end_agreement",
-        unit="1",
-        meaning="Share of the simulator's cuts of the same specimen with the same kind of end.",
-        least_margin=_COUNTED,
-        share=True,
-        paired=True,
-        value=_beside(lambda cut, other: float(cut.end == other.end)),
+        "end_agreement", "1", "Share of the simulator's cuts of the same specimen with the same kind of end.", _COUNTED,
+        share=True, paired=True, value=_beside(lambda cut, other: float(cut.end == other.end)),
     ),
     Measure(
-        name="force_rmse",
-        unit="N",
-        meaning="Difference of force at equal positions from the simulator's cuts of the specimen (up to a retreat).",
-        least_margin=FORCE_RESOLUTION,
-        paired=True,
-        value=_beside(lambda cut, other: force_rmse(cut.trace, other.trace)),
+        "force_rmse", "N",
+        "Difference of force at equal positions from the simulator's cuts of the specimen (up to a retreat).",
+        FORCE_RESOLUTION, paired=True, value=_beside(lambda cut, other: force_rmse(cut.trace, other.trace)),
         # One run of the crack that comes slightly later makes a difference of newtons for a while.
         harmless=lambda cut: force_rmse(cut.trace, cut.trace, displaced=_LENGTH),
     ),
     Measure(
-        name="force_offset",
-        unit="N",
-        meaning="Absolute mean of that difference: it shows a drifting zero, while runs of the crack cancel out.",
-        least_margin=FORCE_RESOLUTION,
-        paired=True,
-        value=_beside(lambda cut, other: force_offset(cut.trace, other.trace)),
+        "force_offset", "N",
+        "Absolute mean of that difference: it shows a drifting zero, while runs of the crack cancel out.",
+        FORCE_RESOLUTION, paired=True, value=_beside(lambda cut, other: force_offset(cut.trace, other.trace)),
     ),
     Measure(
-        name="position_rmse",
-        unit="m",
-        meaning="Difference of position at equal times from the simulator's cuts of the same specimen.",
-        least_margin=_LENGTH,
-        paired=True,
-        value=_beside(lambda cut, other: position_rmse(cut.trace, other.trace)),
+        "position_rmse", "m", "Difference of position at equal times from the simulator's cuts of the same specimen.",
+        _LENGTH, paired=True, value=_beside(lambda cut, other: position_rmse(cut.trace, other.trace)),
     ),
-)
+)  # fmt: skip
 
 MEASURES: Mapping[str, Measure] = {each.name: each for each in (*_TASK, *_BESIDE, *map(_metric, METRICS))}
 """Everything that is compared, by name: task, curves, and every metric of a score card."""
 _APART = {
     "depth": Measure(
-        name="height_rmse",
-        unit="m",
-        meaning="Difference of the blade's height at equal times from the simulator's cuts of the same specimen.",
-        least_margin=_LENGTH,
-        paired=True,
-        value=_beside(lambda cut, other: height_rmse(cut.trace, other.trace)),
+        "height_rmse", "m",
+        "Difference of the blade's height at equal times from the simulator's cuts of the same specimen.",
+        _LENGTH, paired=True, value=_beside(lambda cut, other: height_rmse(cut.trace, other.trace)),
     ),
     "path": Measure(
-        name="place_rmse",
-        unit="m",
-        meaning="Distance of the blade in the plane at equal times from the simulator's cuts of the same specimen.",
-        least_margin=_LENGTH,
-        paired=True,
-        value=_beside(lambda cut, other: place_rmse(cut.trace, other.trace)),
+        "place_rmse", "m",
+        "Distance of the blade in the plane at equal times from the simulator's cuts of the same specimen.",
+        _LENGTH, paired=True, value=_beside(lambda cut, other: place_rmse(cut.trace, other.trace)),
     ),
-}
+}  # fmt: skip
 MAP_MEASURES: Mapping[str, Mapping[str, Measure]] = {
     task: {_APART[task].name: _APART[task]}
     | {name: _metric(name) for name in metrics if not name.startswith("layer_")}  # no rig sees a layer below
