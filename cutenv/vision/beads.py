@@ -79,10 +79,9 @@ class BeadFilter:
     def update(self, view: CArmView, measured: Array, error: Array, crowded: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Take in what one view shows, in undistorted pixels.
 
-        Return which beads it showed.
-
-        An image far from the prediction is a jump of the bead, or another bead. It is refused where another bead is
-        near in this view (``crowded``), and where it contradicts the view that has shown the bead in this frame.
+        Return which beads it showed. An image far from the prediction is a jump of the bead, or another bead. It is
+        refused where another bead is near in this view (``crowded``), and where it contradicts the view that has shown
+        the bead in this frame.
         """
         matrix = view.projection
         assert matrix is not None  # a calibration's views have one

@@ -75,9 +75,8 @@ class Camera:
 class Pose:
     """Rotation, shape (3, 3), and translation, shape (3,) [m].
 
-    A point p there is at ``rotation @ p + translation``.
-
-    ``residual`` tells how well it was measured, as :attr:`Camera.residual` [px].
+    A point p there is at ``rotation @ p + translation``. ``residual`` tells how well it was measured, as
+    :attr:`Camera.residual` [px].
     """
 
     rotation: Array
@@ -248,9 +247,7 @@ class CalibrationBoard:
     def find(self, image: GreyImage) -> BoardPoints | None:
         """Return its points in a grey image.
 
-        It is None if it is not there, or too little of it.
-
-        Of a ChArUco board those that are seen, of others all.
+        It is None if it is not there, or too little of it. Of a ChArUco board those that are seen, of others all.
         """
         size = (self.columns, self.rows)
         if self.kind == "charuco":

@@ -103,10 +103,9 @@ class FirstNumbers(BaseFeaturesExtractor):
 class _Asymmetric:
     """Base of the three policies.
 
-    It holds what actor and critics see, and the actor's parameters.
-
-    The actor sees the first ``features`` numbers, the critics the first ``critic``; the actor draws its actions with
-    the standard deviation ``exploration`` until it has learned another.
+    It holds what actor and critics see, and the actor's parameters. The actor sees the first ``features`` numbers, the
+    critics the first ``critic``; the actor draws its actions with the standard deviation ``exploration`` until it has
+    learned another.
     """
 
     actor: Any

@@ -149,9 +149,8 @@ def train(request: RunRequest[BCArguments], facts: dict[str, Any]) -> None:
 def fit(clone: Clone, cloning: Fit, request: RunRequest[Any], facts: dict[str, Any], begun: float) -> None:
     """Fit epoch by epoch, from a checkpoint if resumed.
 
-    Export the epoch that does best on validation specimens.
-
-    ``begun`` is the time at which the work began (``time.monotonic``); for the rest see :func:`train`.
+    Export the epoch that does best on validation specimens. ``begun`` is the time at which the work began
+    (``time.monotonic``); for the rest see :func:`train`.
     """
     arguments, run = request.arguments, request.run
     torch.set_num_threads(1)  # as for PPO

@@ -317,9 +317,8 @@ _ALIKE = 1e-3
 class _Repeated(ArrayPolicy):
     """Actions as recorded, the last one of a cut for ever.
 
-    Beside them a policy that should have taken them, if any.
-
-    ``apart`` is the first cut in which it would have acted otherwise, with the decision.
+    Beside them a policy that should have taken them, if any. ``apart`` is the first cut in which it would have acted
+    otherwise, with the decision.
     """
 
     def __init__(self, actions: Sequence[np.ndarray], policy: ArrayPolicy | None) -> None:

@@ -72,9 +72,8 @@ DEPTH_MEMORY: np.dtype[Any] = np.dtype(
 class DepthFeatures(Features):
     """Features of one cut or many of ``cutenv/DepthCut-v1``.
 
-    They are what depth adds to the observation, and what follows.
-
-    Those of gentle cutting, which come first, have the blade's depth as the depth of cut.
+    They are what depth adds to the observation, and what follows. Those of gentle cutting, which come first, have the
+    blade's depth as the depth of cut.
     """
 
     components = len(DEPTH_CUT.all_components)
@@ -204,12 +203,11 @@ _DEPTH_SCALE = COMPONENTS[DEPTH_COLUMN].scale
 class DepthScript(ThirdAxisScript):
     """Base class: gentle cutting along the cut, with depth by :meth:`depths`.
 
-    A cut is as deep as the blade is where the crack tip is, some millimetres behind.  So the surface and the wanted
-    depth are remembered as the blade passes, and the blade is as high as they ask for at the estimated tip.
-
-    The policy ``along`` the cut, by default the best script of gentle cutting, is shown the depth of the blade as the
-    depth of cut.  ``gain`` is the descent speed over the error of the level [1/s]; ``lead`` is how far ahead of the tip
-    the depth is followed, for the time that the blade takes [m].
+    A cut is as deep as the blade is where the crack tip is, some millimetres behind. So the surface and the wanted
+    depth are remembered as the blade passes, and the blade is as high as they ask for at the estimated tip.  The policy
+    ``along`` the cut, by default the best script of gentle cutting, is shown the depth of the blade as the depth of
+    cut. ``gain`` is the descent speed over the error of the level [1/s]; ``lead`` is how far ahead of the tip the depth
+    is followed, for the time that the blade takes [m].
     """
 
     components = DEPTH_CUT.all_components
@@ -310,9 +308,8 @@ class FollowDepth(DepthScript):
 class DepthByTwoForces(FollowDepth):
     """The wanted depth at a tip that two forces tell.
 
-    The forces along the cut and upwards tell it together, before any return stroke.
-
-    It gives up earlier before a predicted run than the other scripts: the tissue below the cut is spared with it.
+    The forces along the cut and upwards tell it together, before any return stroke. It gives up earlier before a
+    predicted run than the other scripts: the tissue below the cut is spared with it.
     """
 
     def __init__(self, along: ArrayPolicy | None = None, *, gain: float = 4.0, lead: float = 0.006) -> None:

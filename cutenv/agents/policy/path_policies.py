@@ -375,10 +375,8 @@ TUNED_AT: Mapping[str, Any] = {"control_hz": 10}
 def with_numbers(kind: type[PathScript], numbers: Mapping[str, float]) -> PathScript:
     """Return a script of a kind with numbers by name.
 
-    Those that are not given are usual.
-
-    They are those of :data:`ALONG_NUMBERS` and :data:`ENDING_NUMBERS`, and the kind's own.  The script decides as often
-    as when the numbers were found.
+    Those that are not given are usual.  They are those of :data:`ALONG_NUMBERS` and :data:`ENDING_NUMBERS`, and the
+    kind's own. The script decides as often as when the numbers were found.
     """
     rest = dict(numbers)
     margin, retreat_speed = rest.pop("margin", -0.0005), rest.pop("retreat_speed", 0.012)
