@@ -370,16 +370,6 @@ def test_a_training_that_fails_says_where_to_look(tmp_path, monkeypatch):
         list(benchmark.train())
 
 
-def test_a_quick_comparison_is_planned_within_two_hours_on_two_cores(tmp_path, capsys):
-    assert Benchmark(tmp_path, QUICK, (), processes=2).plan() < 7200.0
-    assert "together" in capsys.readouterr().out
-
-
-def test_fewer_training_runs_may_be_made_at_a_time(tmp_path):
-    parts = Benchmark(tmp_path, Protocol(), ("PPO", "return stroke"), processes=1, seeds=3).parts()
-    assert [part.seed for part in parts] == [0, 1, 2, None]
-
-
 def test_seeds_of_training_runs_validation_and_test_are_disjoint():
     of_runs = [set(PPOArguments(seed=seed).training_seeds) for seed in ENTRIES["PPO"].training_seeds(Protocol())]
     assert len(set.union(*of_runs)) == sum(map(len, of_runs))
@@ -388,10 +378,6 @@ def test_seeds_of_training_runs_validation_and_test_are_disjoint():
     assert set(Protocol().test_seeds) <= set(TEST_SEEDS)
     assert not set(Protocol().test_seeds) & set(TEST_SEEDS[: PPOArguments().specimens])  # those that every run prints
     assert len(Protocol().test_seeds) == Protocol().specimens
-
-
-def test_the_held_out_specimens_change_with_the_version():
-    assert Protocol().first_specimen == 10_000 * (int(Protocol().version) - 2)
 
 
 def test_the_table_is_written_again_from_the_cuts_alone(compared):

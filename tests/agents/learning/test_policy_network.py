@@ -61,17 +61,6 @@ def test_the_network_acts_as_the_learner_does(learner, size):
     assert difference(model, own, size) < 1e-5
 
 
-def test_before_clipping_the_network_says_what_the_learner_says(learner):
-    import torch
-
-    model, activation = learner
-    features = np.random.default_rng(0).uniform(-1e3, 1e3, (500, SIZE)).astype(np.float32)
-    with torch.no_grad():
-        theirs = model.policy.get_distribution(torch.as_tensor(features)).mode().numpy()
-    own = Network.from_state_dict(actor(model), activation)(features)
-    assert np.abs(own - theirs).max() < 1e-5 * np.abs(theirs).max()
-
-
 def state(*places: int) -> dict[str, np.ndarray]:
     """An actor's parameters, with dense layers at these places."""
     widths = [SIZE, *(4 for _ in places), 2]

@@ -7,7 +7,7 @@ import json
 import gymnasium
 import numpy as np
 import pytest
-from kept_policy import ABOUT, FEATURES, SIZE, network
+from kept_policy import ABOUT, SIZE, network
 
 from cutenv.agents.policy import RecurrentNetwork, TrainedPolicy, save_policy
 from cutenv.agents.policy.trained import CARD, PolicyCard
@@ -197,21 +197,3 @@ def test_a_batch_acts_bit_for_bit_as_single_policies_do_also_when_a_cut_begins_a
             if cut == 2 and decision == 11:
                 policy.reset(np.random.default_rng(0))
             assert (policy(seen[decision, cut]) == together[decision][cut]).all()
-
-
-def test_a_policy_that_does_not_feel_says_so_on_its_card(tmp_path):
-    card = save_policy(
-        tmp_path / "policy", network(sizes=(SIZE, 4, 2)), **(ABOUT | {"features": FEATURES | {"force": False}})
-    )
-    policy = TrainedPolicy.load(tmp_path / "policy")
-    seen = observations(1, 1)[0, 0]
-    policy.reset(np.random.default_rng(0))
-    first = policy(seen)
-    seen[:4] = 5.0
-    policy.reset(np.random.default_rng(0))
-    assert (policy(seen) == first).all()
-    assert card.features == {"history": 2, "force": False}
-    with pytest.raises(ValueError, match="must be True"):
-        save_policy(
-            tmp_path / "x", network(sizes=(SIZE, 4, 2)), **(ABOUT | {"features": {"history": 2, "force": "no"}})
-        )

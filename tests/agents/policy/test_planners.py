@@ -62,10 +62,6 @@ def test_what_the_planner_with_truth_plans_is_what_happens_and_no_script_does_be
         assert (returns - theirs).min() > -0.01, f"{name} on one of them"  # luck that twenty rounds do not find
 
 
-def test_the_noise_of_the_sensor_cannot_surprise_it():
-    check_planned(cut_as_planned(make(), 39, PlannerWithTruth(rounds=10)))
-
-
 @pytest.mark.parametrize(
     "keywords",
     [
@@ -139,12 +135,6 @@ def test_the_nominal_planner_commands_the_same_whatever_it_cuts_until_it_stops()
     assert both > 150
     np.testing.assert_array_equal(one[:both], other[:both])
     assert len(one) != len(other), "where it stops, it feels"
-
-
-def test_the_nominal_planner_plans_once_for_each_centimetre_of_length():
-    planner = PlannerNominal(rounds=0)
-    assert planner.plan_for(0.081) is planner.plan_for(0.0792)
-    assert planner.plan_for(0.081) is not planner.plan_for(0.091)
 
 
 def test_the_nominal_planner_looks_for_the_best_plan_of_the_mean_liver():
