@@ -237,10 +237,6 @@ def measure_filmed_cut(
     thickness : float, optional
         Thickness of the slab [m]; by default it is cut through.
 
-    Returns
-    -------
-    FilmedMeasurement
-
     Raises
     ------
     ValueError
@@ -400,10 +396,6 @@ def compare_displacements(
     zones : tuple of array_like
         Borders and moduli of zones along the cut, as `zones_as_measured` returns them; by default one zone.
 
-    Returns
-    -------
-    FieldComparison
-
     Raises
     ------
     ValueError
@@ -505,10 +497,6 @@ def estimate_zone_moduli(
         Standard deviation of log E about the prior [1], 0.01 to 5.
     data : {"both", "beads", "force"}
         Data that are used; to see what each tells alone.
-
-    Returns
-    -------
-    ZoneModuli
 
     Raises
     ------

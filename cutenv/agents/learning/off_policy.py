@@ -25,9 +25,7 @@ from cutenv.agents.learning.on_policy import FallingRate, TrialLearner
 from cutenv.agents.policy import Network
 
 # options that Stable-Baselines3 knows by these names
-_SAME = (
-    "train_freq", "gradient_steps", "batch_size", "buffer_size", "gamma", "ent_coef", "target_entropy", "seed",
-)  # fmt: skip
+_SAME = ["train_freq", "gradient_steps", "batch_size", "buffer_size", "gamma", "ent_coef", "target_entropy", "seed"]
 _NORM_EPS = 1e-3  # of sb3-contrib's BatchRenorm
 
 

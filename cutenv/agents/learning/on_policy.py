@@ -130,10 +130,14 @@ def _imitate_by_cut(
 ON_POLICY = {
     "ppo": TrialLearner("PPO", PPO, AsymmetricActorCritic, sb3_keywords, _imitate, Network.from_state_dict),
     "recurrent-ppo": TrialLearner(
-        "recurrent PPO", RecurrentPPO, RecurrentAsymmetricActorCritic, sb3_keywords, _imitate_by_cut,
+        "recurrent PPO",
+        RecurrentPPO,
+        RecurrentAsymmetricActorCritic,
+        sb3_keywords,
+        _imitate_by_cut,
         RecurrentNetwork.from_state_dict,
     ),
-}  # fmt: skip
+}
 """Learners by their names on the command line."""
 
 

@@ -60,17 +60,10 @@ class Features:
 
     Parameters
     ----------
-    count : int
-        Number of cuts.
     history : int
         Number of past decisions in the history: mean, minimum and maximum force, position and angle of each.
     force : bool
         Whether the force is used; if not, every force counts as zero, also in the derived features.
-
-    Attributes
-    ----------
-    size : int
-        Number of features of a cut.
 
     Raises
     ------

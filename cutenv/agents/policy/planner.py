@@ -301,11 +301,6 @@ class PlannerWithTruth(ArrayPolicy):
     An upper bound that no real policy can reach.
 
     Its plans come from a search, so the true optimum is slightly better.
-
-    Parameters
-    ----------
-    rounds : int
-        Number of rounds of the search.
     """
 
     privileged = True
@@ -358,8 +353,6 @@ class PlannerNominal(Script):
     ----------
     tissue : TissueDescription, optional
         Default: the measured pig liver.
-    rounds : int
-        Number of rounds of the search.
     """
 
     def __init__(

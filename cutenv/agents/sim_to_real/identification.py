@@ -422,10 +422,8 @@ def identification_from(settings: RigSettings, plan: Plan, recorded: Recorded) -
     )
     delay = Unseen("no readings of the force beside the sines")
     late = force_delay(sines, felt, [sine.frequency for sine in plan.sines]) if felt else delay
-    estimates = (
-        *_of_response(response), _of_play(play(turns, axis)), _of_friction(friction), *at_rest,
-        _of_delay(late, settings.sensor.sign),
-    )  # fmt: skip
+    of_axis = (*_of_response(response), _of_play(play(turns, axis)), _of_friction(friction))
+    estimates = (*of_axis, *at_rest, _of_delay(late, settings.sensor.sign))
     checks: tuple[SineCheck, ...] = tuple(
         check_sine(sine, planned.frequency, response) for sine, planned in zip(sines, plan.sines, strict=True)
     )

@@ -9,7 +9,7 @@ import dataclasses
 import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -30,8 +30,6 @@ class ComparedCut:
 
     Attributes
     ----------
-    trace : Trace
-        Record of the cut.
     value : float
         Return: the sum of rewards, on both sides from the same estimates.
     success : bool
@@ -172,7 +170,7 @@ RELATIVE = 0.01
 caliper and a time grid of SYNCs are not known better."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Measure:
     """Number of a cut compared between rig and simulator.
 
@@ -196,7 +194,6 @@ class Measure:
     unit: str
     meaning: str
     least_margin: float
-    _: KW_ONLY
     share: bool = False
     paired: bool = False
     value: Callable[[ComparedCut, Sequence[ComparedCut]], float | None]
@@ -253,53 +250,59 @@ def _beside(
     return value
 
 
+def _compared(
+    name: str, unit: str, meaning: str, margin: float, value: Callable[[ComparedCut, ComparedCut], float | None]
+) -> Measure:
+    return Measure(name=name, unit=unit, meaning=meaning, least_margin=margin, paired=True, value=_beside(value))
+
+
+def _traces(compared: Callable[[Trace, Trace], float | None]) -> Callable[[ComparedCut, ComparedCut], float | None]:
+    return lambda cut, other: compared(cut.trace, other.trace)
+
+
+_OF_SPECIMEN = "from the simulator's cuts of the same specimen"
 _TASK = (
     Measure(
-        "return", "1", "Sum of the cut's rewards, from estimates that a rig can make.", _RETURN,
+        name="return",
+        unit="1",
+        meaning="Sum of the cut's rewards, from estimates that a rig can make.",
+        least_margin=_RETURN,
         value=lambda cut, others: cut.value,
     ),
     Measure(
-        "success", "1", "1 if the cut was a success: finished, near the target and upright.", _COUNTED, share=True,
+        name="success",
+        unit="1",
+        meaning="1 if the cut was a success: finished, near the target and upright.",
+        least_margin=_COUNTED,
+        share=True,
         value=lambda cut, others: float(cut.success),
     ),
-)  # fmt: skip
+)
+_END = "Share of the simulator's cuts of the same specimen with the same kind of end."
+_FORCE = "Difference of force at equal positions from the simulator's cuts of the specimen (up to a retreat)."
+_OFFSET = "Absolute mean of that difference: it shows a drifting zero, while runs of the crack cancel out."
+_PLACE = f"Difference of position at equal times {_OF_SPECIMEN}."
 _BESIDE = (
-    Measure(
-        "end_agreement", "1", "Share of the simulator's cuts of the same specimen with the same kind of end.", _COUNTED,
-        share=True, paired=True, value=_beside(lambda cut, other: float(cut.end == other.end)),
+    dataclasses.replace(
+        _compared("end_agreement", "1", _END, _COUNTED, lambda cut, other: float(cut.end == other.end)), share=True
     ),
-    Measure(
-        "force_rmse", "N",
-        "Difference of force at equal positions from the simulator's cuts of the specimen (up to a retreat).",
-        FORCE_RESOLUTION, paired=True, value=_beside(lambda cut, other: force_rmse(cut.trace, other.trace)),
+    dataclasses.replace(
+        _compared("force_rmse", "N", _FORCE, FORCE_RESOLUTION, _traces(force_rmse)),
         # One run of the crack that comes slightly later makes a difference of newtons for a while.
         harmless=lambda cut: force_rmse(cut.trace, cut.trace, displaced=_LENGTH),
     ),
-    Measure(
-        "force_offset", "N",
-        "Absolute mean of that difference: it shows a drifting zero, while runs of the crack cancel out.",
-        FORCE_RESOLUTION, paired=True, value=_beside(lambda cut, other: force_offset(cut.trace, other.trace)),
-    ),
-    Measure(
-        "position_rmse", "m", "Difference of position at equal times from the simulator's cuts of the same specimen.",
-        _LENGTH, paired=True, value=_beside(lambda cut, other: position_rmse(cut.trace, other.trace)),
-    ),
-)  # fmt: skip
+    _compared("force_offset", "N", _OFFSET, FORCE_RESOLUTION, _traces(force_offset)),
+    _compared("position_rmse", "m", _PLACE, _LENGTH, _traces(position_rmse)),
+)
 
 MEASURES: Mapping[str, Measure] = {each.name: each for each in (*_TASK, *_BESIDE, *map(_metric, METRICS))}
 """Everything that is compared, by name: task, curves, and every metric of a score card."""
+_HEIGHT = f"Difference of the blade's height at equal times {_OF_SPECIMEN}."
+_DISTANCE = f"Distance of the blade in the plane at equal times {_OF_SPECIMEN}."
 _APART = {
-    "depth": Measure(
-        "height_rmse", "m",
-        "Difference of the blade's height at equal times from the simulator's cuts of the same specimen.",
-        _LENGTH, paired=True, value=_beside(lambda cut, other: height_rmse(cut.trace, other.trace)),
-    ),
-    "path": Measure(
-        "place_rmse", "m",
-        "Distance of the blade in the plane at equal times from the simulator's cuts of the same specimen.",
-        _LENGTH, paired=True, value=_beside(lambda cut, other: place_rmse(cut.trace, other.trace)),
-    ),
-}  # fmt: skip
+    "depth": _compared("height_rmse", "m", _HEIGHT, _LENGTH, _traces(height_rmse)),
+    "path": _compared("place_rmse", "m", _DISTANCE, _LENGTH, _traces(place_rmse)),
+}
 MAP_MEASURES: Mapping[str, Mapping[str, Measure]] = {
     task: {_APART[task].name: _APART[task]}
     | {name: _metric(name) for name in metrics if not name.startswith("layer_")}  # no rig sees a layer below
