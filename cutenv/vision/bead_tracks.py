@@ -24,8 +24,7 @@ from cutenv._base.validation import in_range
 from cutenv.records.measurement import ModulusEstimate, Segment
 from cutenv.sim.trace import Trace
 
-TRACKS_SCHEMA = "cutenv.bead_tracks/1"
-"""Name and version of the file's columns."""
+TRACKS_SCHEMA = "cutenv.bead_tracks/1"  # name and version of the file's columns
 TRACK_COLUMNS = ("bead", "time_s", "x_m", "y_m", "z_m", "xx_m2", "xy_m2", "xz_m2", "yy_m2", "yz_m2", "zz_m2")
 """Columns of the file: number of the bead, time, place in the specimen's frame, upper triangle of its covariance."""
 _KEY, _METADATA = b"cutenv_schema", b"cutenv_metadata"
@@ -145,8 +144,7 @@ class BeadTracks:
             raise ValueError(f"{path}: {error}") from None
 
 
-FEWEST_FRAMES = 5
-"""Smallest number of frames in which a bead must be seen during a ramp."""
+FEWEST_FRAMES = 5  # smallest number of frames in which a bead must be seen during a ramp
 
 _UNLOADED = 0.05  # share of the largest force below which the beads count as at rest
 

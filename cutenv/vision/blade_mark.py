@@ -19,15 +19,11 @@ from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range
 from cutenv.vision.cameras import GreyImage
 
-LEAST_CONTRAST = 18.0
-"""Contrast of an edge that counts [grey values]."""
-EDGE_SIGMA = 1.2
-"""Standard deviation of the Gaussian whose derivative finds edges [px]."""
-REACH = 3.0
-"""Distance to either side of a known line within which its points are sought [px]."""
+LEAST_CONTRAST = 18.0  # contrast of an edge that counts [grey values]
+EDGE_SIGMA = 1.2  # standard deviation of the Gaussian whose derivative finds edges [px]
+REACH = 3.0  # distance to either side of a known line within which its points are sought [px]
 _ALONG = 2.0  # of the Gaussian along a line that is known roughly, before its points are sought [px]
-SATURATED = 250
-"""Grey value from which on the camera may have seen more."""
+SATURATED = 250  # grey value from which on the camera may have seen more
 _GLARE = 0.25  # share of saturated points about an edge from which on it is not trusted
 _ALIKE = 1.5  # standard error of a line over that of points with errors of their own; measured on rendered films [1]
 _CROOKED = 0.6  # root mean square distance of a line's points from which on it is no line [px]
@@ -160,8 +156,7 @@ _COARSE = 400  # width of the image in which the strip is looked for first [px]
 _RIVAL = 0.6  # contrast of a second strip, relative, from which on there are two
 
 
-TAGS = 50
-"""Number of tags of the dictionary, OpenCV's ``DICT_4X4_50``."""
+TAGS = 50  # number of tags of the dictionary, OpenCV's ``DICT_4X4_50``
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,10 +23,8 @@ from cutenv._base.arrays import Array, Indices
 from cutenv._base.output import atomic_write
 from cutenv._base.validation import array_in_range, in_range, one_of
 
-GreyImage = NDArray[np.uint8]
-"""Grey values, shape (height, width)."""
-CAMERAS_SCHEMA = "cutenv-cameras/1"
-"""Name and version of the file."""
+GreyImage = NDArray[np.uint8]  # grey values, shape (height, width)
+CAMERAS_SCHEMA = "cutenv-cameras/1"  # name and version of the file
 _COEFFICIENTS = 5  # Brown and Conrady: k1, k2, p1, p2, k3
 
 
@@ -187,8 +185,7 @@ def _plain(value: Camera | Pose) -> dict[str, Any]:
     return {name: each.tolist() if isinstance(each, np.ndarray) else each for name, each in vars(value).items()}
 
 
-BOARD_KINDS = ("chessboard", "circles", "charuco")
-"""Boards that are known; circles stand in a square grid."""
+BOARD_KINDS = ("chessboard", "circles", "charuco")  # boards that are known; circles stand in a square grid
 _TAGS = 1000  # of the dictionary of ChArUco boards
 _FEWEST_POINTS = 12  # of a ChArUco board, parts of which may be hidden
 
@@ -295,12 +292,9 @@ def halves(image: GreyImage) -> tuple[GreyImage, GreyImage]:
     return np.ascontiguousarray(image[:, :middle]), np.ascontiguousarray(image[:, middle : 2 * middle])
 
 
-FEWEST_BOARDS = 8
-"""Least number of images in which the board has to be found."""
-LARGEST_RESIDUAL = 0.5
-"""Largest root mean square residual of a calibration [px]."""
-LARGEST_IMAGE_RESIDUAL = 1.0
-"""Largest root mean square residual of a single image [px]."""
+FEWEST_BOARDS = 8  # least number of images in which the board has to be found
+LARGEST_RESIDUAL = 0.5  # largest root mean square residual of a calibration [px]
+LARGEST_IMAGE_RESIDUAL = 1.0  # largest root mean square residual of a single image [px]
 _FEWEST_SHARED = 12  # points that both cameras of a pair see in an image
 _LEAST_TILT_DEG = 15.0  # between the first board and the one that faces another way most
 _FOCAL_SD = 0.01  # largest standard error of the focal length, relative: boards that are all alike do not determine it

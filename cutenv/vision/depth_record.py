@@ -30,10 +30,8 @@ from cutenv.vision.cameras import GreyImage, angle_between
 from cutenv.vision.film_source import VideoFrame
 from cutenv.vision.marked_blade import BladeInSpace, BladeInView, DepthFrame
 
-TRAVELS = ("right", "left")
-"""Ways in which the blade can go in the images when it cuts."""
-FEWEST_FILMED = 10
-"""Least number of usable frames."""
+TRAVELS = ("right", "left")  # ways in which the blade can go in the images when it cuts
+FEWEST_FILMED = 10  # least number of usable frames
 _SHORTEST_TRAVEL = 5e-3  # of the blade, from which its direction and the time are known [m]
 _LARGEST_MISFIT = 1e-3  # root mean square between the blade's motion in film and record [m]
 _SCALE_ERROR = 0.05  # between the travel in film and record

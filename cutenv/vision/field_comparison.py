@@ -92,8 +92,7 @@ class SlabModel:
         return np.asarray(((points >= nodes.min(axis=0)) & (points <= nodes.max(axis=0))).all(axis=1))
 
 
-MODEL_ERROR = 0.03
-"""Error of the model as a share of a displacement, or of a stiffness [1]."""
+MODEL_ERROR = 0.03  # error of the model as a share of a displacement, or of a stiffness [1]
 
 _LEVEL = 0.95
 _LEAST_SD = 1e-6  # of a displacement [m]
@@ -259,8 +258,7 @@ def measure_filmed_cut(
     return FilmedMeasurement(slab=slab, moduli=moduli, rises=rises.select(inside, *flags))
 
 
-NEAR = 0.02
-"""Distance from the cut line up to which a bead counts as near [m]."""
+NEAR = 0.02  # distance from the cut line up to which a bead counts as near [m]
 
 _LEAST_CORRELATION = 0.5
 

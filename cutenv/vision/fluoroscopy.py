@@ -268,14 +268,11 @@ def _central_spacing(points: Array, cells: Array, middle: Array) -> float:
     return float(np.hypot(grid[0], grid[1]))
 
 
-CARM_SCHEMA = "cutenv.carm/1"
-"""Name and version of the calibration file."""
+CARM_SCHEMA = "cutenv.carm/1"  # name and version of the calibration file
 NTSC_ASPECT = 10.0 / 11.0
 """Width of a pixel over its height in NTSC video of 720 x 480 [1]; the thesis does not mention it."""
-NTSC_RATE = 30000.0 / 1001.0
-"""Frames a second of NTSC video, printed as 29.97 [1/s]."""
-LARGEST_GRID_RESIDUAL = 0.5
-"""RMS residual of the grid above which a calibration is refused [px]."""
+NTSC_RATE = 30000.0 / 1001.0  # frames a second of NTSC video, printed as 29.97 [1/s]
+LARGEST_GRID_RESIDUAL = 0.5  # RMS residual of the grid above which a calibration is refused [px]
 
 
 _ROUNDS, _SETTLED = 60, 1e-3  # of finding where a place is seen [px]

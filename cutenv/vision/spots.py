@@ -17,8 +17,7 @@ from scipy.spatial import cKDTree
 from cutenv._base.arrays import Array, Indices
 from cutenv._base.validation import in_range
 
-FLOOR = 1e-12
-"""Smallest pivot of a normal matrix: keeps a flat window solvable."""
+FLOOR = 1e-12  # smallest pivot of a normal matrix: keeps a flat window solvable
 _CANDIDATE = 4.5  # in standard deviations of the filtered noise; the fit then decides
 _REACH = 3.2  # widths of a spot around it that are fitted: in a smaller window place and background are confused
 _ROUNDS = 14  # of the fit; beads settle in five
@@ -216,8 +215,7 @@ def _first_of_each(spots: Spots, width: float) -> NDArray[np.bool_]:
     return kept
 
 
-LEAST_HOLES = 60
-"""Holes without which a distortion is not fitted."""
+LEAST_HOLES = 60  # holes without which a distortion is not fitted
 _NEAR = 0.3  # of the spacing: how far a hole may lie from where its neighbour expects it
 _FORGET = 0.5  # how much of a step from hole to hole is taken on to the next
 

@@ -26,8 +26,7 @@ if TYPE_CHECKING:
     from cutenv.agents.sb3 import FeatureVecEnv
 
 
-MAX_ENVIRONMENTS = 1000
-"""Number of training seeds that belong to one run: that with seed k has those from 1000 k on."""
+MAX_ENVIRONMENTS = 1000  # number of training seeds that belong to one run: that with seed k has those from 1000 k on
 
 
 _UPRIGHT = 0.8  # angle action of a blade that is upright enough for a success

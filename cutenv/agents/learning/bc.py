@@ -52,8 +52,7 @@ class Clone:
             torch.nn.Tanh(),
             torch.nn.Linear(units, 2),
         )
-        self.module: torch.nn.Module = self.actor
-        """Everything that is fitted."""
+        self.module: torch.nn.Module = self.actor  # everything that is fitted
 
     def __call__(self, observations: torch.Tensor) -> torch.Tensor:
         """Return the actions for observations, ignoring the hidden state (last)."""

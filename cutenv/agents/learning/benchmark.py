@@ -82,8 +82,7 @@ RunRows = Sequence[Mapping[str, Any]]
 """Rows of one run, a cut each: ``seed``, ``specimen_class`` and scores, as numbers or as text."""
 
 IQM, MEAN = "interquartile mean", "mean"
-STATISTICS: dict[str, Callable[[np.ndarray], np.ndarray]] = {IQM: interquartile_mean, MEAN: mean}
-"""Statistics by name."""
+STATISTICS: dict[str, Callable[[np.ndarray], np.ndarray]] = {IQM: interquartile_mean, MEAN: mean}  # statistics by name
 
 
 @dataclass(frozen=True)
@@ -173,8 +172,7 @@ def returns_after(curve: Sequence[Mapping[str, float]]) -> dict[str, float | Non
 
 
 OF_SCRIPT, SCRATCH, DEMONSTRATED, CORRECTION = "script", "from scratch", "with demonstrations", "correction of a script"
-ENTRY_KINDS = (OF_SCRIPT, SCRATCH, DEMONSTRATED, CORRECTION)
-"""Kinds of policies; each has ranks of its own."""
+ENTRY_KINDS = (OF_SCRIPT, SCRATCH, DEMONSTRATED, CORRECTION)  # kinds of policies; each has ranks of its own
 
 
 def training_kind(training: Mapping[str, Any]) -> str:
@@ -246,8 +244,7 @@ def entry_seeds(digest: str, protocol: Protocol, salt: str = "") -> list[int]:
     return [ENTRY_SEEDS[int.from_bytes(one[:8]) % len(ENTRY_SEEDS)] for one in drawn]
 
 
-FORMAT = 2
-"""Version of the file."""
+FORMAT = 2  # version of the file
 CHOICES = ("control_hz", "angle_mode", "fixed_angle_deg")
 """Keyword arguments of the environment that a policy may choose; all others are the protocol's."""
 _BATCH = 200  # cuts simulated together
@@ -310,8 +307,7 @@ class _Recorded(ArrayPolicy):
         return self.actions[-1]
 
 
-_ALIKE = 1e-3
-"""Difference of actions that another machine may make, whose sums of float32 round otherwise."""
+_ALIKE = 1e-3  # difference of actions that another machine may make, whose sums of float32 round otherwise
 
 
 class _Repeated(ArrayPolicy):

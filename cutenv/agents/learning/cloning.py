@@ -193,8 +193,7 @@ class Fit(ABC):
         self._dataset, self._epochs, self._batch_size = dataset, epochs, batch_size
         self._rate, self._seed = learning_rate, seed
         self.optimizer = torch.optim.Adam(parameters, lr=learning_rate)
-        self.epoch = 0
-        """Number of completed epochs."""
+        self.epoch = 0  # number of completed epochs
 
     def run_epoch(self) -> None:
         """Go through the data set once."""

@@ -109,8 +109,7 @@ HIDDEN = {
 """Further infos of a simulated cut."""
 INTERVENED = {"is_intervention": "1 where a person led the blade since the last decision"}
 """Further infos of a cut under :class:`cutenv.envs.SharedControl`."""
-ESTIMATED = {"tip_estimate_m": "crack tip, as a rig estimates it from the force"}
-"""Further infos of a recorded cut."""
+ESTIMATED = {"tip_estimate_m": "crack tip, as a rig estimates it from the force"}  # further infos of a recorded cut
 
 
 @dataclass(frozen=True, kw_only=True)

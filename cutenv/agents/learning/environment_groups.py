@@ -19,8 +19,7 @@ from cutenv.sim.cutting.drive import Rig
 from cutenv.sim.cutting.dtypes import TICK
 from cutenv.sim.cutting.sensor import SensorParameters
 
-RANDOM_GROUPS = (Rig, SensorParameters, Knowledge)
-"""Groups of the constants that are drawn."""
+RANDOM_GROUPS = (Rig, SensorParameters, Knowledge)  # groups of the constants that are drawn
 
 
 def random_rigs(count: int, seed: int) -> list[dict[str, float]]:
@@ -138,10 +137,8 @@ class EnvironmentGroups(VecEnv):
 
 NEARER = (0.015, 0.025, 0.040, 0.055)
 """Distances before the target from which cuts of an easier task begin [m]; from 10 mm a cut could be over at once."""
-COSTS_AT_FIRST = 0.1
-"""Part of every cost that an easier task charges at first."""
-IMPATIENCE = 1.0
-"""Charge of an easier task at first for the whole time until the deadline, beside the reward."""
+COSTS_AT_FIRST = 0.1  # part of every cost that an easier task charges at first
+IMPATIENCE = 1.0  # charge of an easier task at first for the whole time until the deadline, beside the reward
 
 
 class EasierEnvironments(EnvironmentGroups):

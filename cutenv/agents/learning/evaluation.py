@@ -104,8 +104,7 @@ def metric_column(name: str) -> str:
     return METRIC_PREFIX + name + suffix
 
 
-_SCORED = np.dtype([("true_force", "f8")])
-"""Readings from which the scores follow: a ninth of the memory of all."""
+_SCORED = np.dtype([("true_force", "f8")])  # readings from which the scores follow: a ninth of the memory of all
 _TERMS, _COSTS = ([column(field) for field in GROUPS[group]] for group in ("reward_terms", "cost_terms"))
 
 

@@ -43,10 +43,8 @@ from cutenv.agents.learning.minari_datasets import actions_of
 from cutenv.agents.policy.trained import observation_scaling
 from cutenv.task.registry import task_of
 
-LEROBOT_FORMAT = "v3.0"
-"""Version of LeRobot's format that is written."""
-ENV_FILE = "env.py"
-"""File in which LeRobot looks for the environment of a repository of its hub."""
+LEROBOT_FORMAT = "v3.0"  # version of LeRobot's format that is written
+ENV_FILE = "env.py"  # file in which LeRobot looks for the environment of a repository of its hub
 INSTRUCTION = "Cut the slice of liver gently to the target length, and unload the blade there."
 """Task of every cut in words, as LeRobot gives it to policies that read."""
 _ELSEWHERE = ("time_s", "is_success", *INTERVENED)

@@ -30,10 +30,8 @@ class Training:
 
     def __init__(self, name: str, command: Sequence[str], cores: int) -> None:
         self.name = name
-        self.progress = "begins"
-        """Last progress that it printed, such as "training 45 %, return 0.31, success 0.42"."""
-        self.printed: list[str] = []
-        """Lines that it printed, without its bars of progress."""
+        self.progress = "begins"  # last progress that it printed, such as "training 45 %, return 0.31, success 0.42"
+        self.printed: list[str] = []  # lines that it printed, without its bars of progress
         own_group = os.name != "nt"  # so that Ctrl-C reaches it once, from here
         self.process = subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=own_group,

@@ -14,8 +14,7 @@ import numpy as np
 from cutenv._base.arrays import Array32
 from cutenv._base.validation import one_of
 
-Layer = tuple[Array32, Array32]
-"""Weight, shape (outputs, inputs), and bias, shape (outputs,)."""
+Layer = tuple[Array32, Array32]  # weight, shape (outputs, inputs), and bias, shape (outputs,)
 
 ACTIVATIONS: dict[str, Callable[[Array32], Array32]] = {
     "tanh": np.tanh,
@@ -173,8 +172,7 @@ def checked_array(name: str, values: Array32, dimensions: int) -> Array32:
     return array
 
 
-State = tuple[Array32, Array32]
-"""Recurrent state: hidden state h and cell state c, shape (..., units) each."""
+State = tuple[Array32, Array32]  # recurrent state: hidden state h and cell state c, shape (..., units) each
 
 _PREFIX = "memory."
 _LSTM_PARTS = {"weight_ih": 2, "weight_hh": 2, "bias_ih": 1, "bias_hh": 1}  # names and numbers of axes

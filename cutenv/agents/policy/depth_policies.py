@@ -221,8 +221,7 @@ class DepthScript(ThirdAxisScript):
         """Forget all cuts, and begin ``len(rngs)``; a script uses no randomness."""
         self._surface, self._wanted = np.zeros((len(rngs), N_POINTS)), np.zeros((len(rngs), N_POINTS))
         self._passed, self._begun = np.full(len(rngs), -1), np.full(len(rngs), np.nan)
-        self.elapsed: Array = np.zeros(len(rngs))
-        """Time since each cut began [s], shape (n,)."""
+        self.elapsed: Array = np.zeros(len(rngs))  # time since each cut began [s], shape (n,)
         super().begin(rngs)
 
     def forget(self, cuts: Indices) -> None:

@@ -29,8 +29,7 @@ from cutenv.sim.tissue.grid import N_POINTS, POINTS_PER_METRE, SPACING
 from cutenv.task.observation import CLIP, COMPONENTS, DEAD_ZONE, SPEED_SCALE, speed_action
 from cutenv.task.path import LINE_AHEAD, PATH_COMPONENTS, PATH_CUT, TURN_SCALE
 
-BACK = 0.020
-"""Length within which the tip is to come back to the line [m]."""
+BACK = 0.020  # length within which the tip is to come back to the line [m]
 _LEAST_FORCE = 0.3  # [N], below which its direction tells nothing
 _LARGEST_ANGLE = 0.3  # [rad], of a crack to the line; what tells of more is an error
 _BELIEVED = 0.050  # [m] of cut, after which a third of what was reckoned before still counts

@@ -30,10 +30,8 @@ from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, COMPONENTS, speed
 from cutenv.task.stepper import Ahead, Decision, flat_views, step_row
 
 N_COMPONENTS = len(COMPONENTS)
-KNOTS = 28
-"""Number of segments of a plan, each with its own speed and angle."""
-STRETCH = 0.005
-"""Length of a segment along the cut [m]; the last one extends to the end."""
+KNOTS = 28  # number of segments of a plan, each with its own speed and angle
+STRETCH = 0.005  # length of a segment along the cut [m]; the last one extends to the end
 UPRIGHT = 0.5 * math.pi
 
 PLAN: np.dtype[Any] = np.dtype(

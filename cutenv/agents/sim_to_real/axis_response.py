@@ -287,8 +287,7 @@ def _component_with_error(time: Array, values: Array, frequency: float, begun: f
     return complex(found[0], found[1]), math.sqrt(2.0 * float(off @ off)) / len(values)
 
 
-TORQUE_STEP = 1e-3
-"""Resolution of the reported torque over the rated one: drives count per mille."""
+TORQUE_STEP = 1e-3  # resolution of the reported torque over the rated one: drives count per mille
 _LAGS = 5.0  # lags after which a speed counts as steady
 _FEWEST = 8  # least number of samples of a steady speed
 _BEGUN = 0.5  # share of the speed, from which an axis that reversed counts as moving again

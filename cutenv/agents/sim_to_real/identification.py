@@ -223,8 +223,7 @@ def _shown(key: FileKey, value: float | None) -> str:
     return f"{float(shown):.0f}" if "e+" in shown else shown
 
 
-APPROACH = 0.005
-"""Speed of the approach to where the experiment starts [m/s]."""
+APPROACH = 0.005  # speed of the approach to where the experiment starts [m/s]
 _TICKS = 20  # [ms] between commands, as between decisions
 _PAUSE = 0.4  # [s] of rest before each stretch
 _REST_TICKS = 100

@@ -20,8 +20,7 @@ from cutenv.records.scoring import MAP_METRICS, METRICS, ScoreCard, score
 from cutenv.records.scoring.cut_metrics import metric_named
 from cutenv.sim.trace import PLACE, Trace
 
-FORCE_RESOLUTION = 0.05
-"""Resolution of the force sensor, worst case in the cutting plane [N]; thesis 3.1."""
+FORCE_RESOLUTION = 0.05  # resolution of the force sensor, worst case in the cutting plane [N]; thesis 3.1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,8 +54,7 @@ class ComparedCut:
         object.__setattr__(self, "card", score(self.trace))
 
 
-STEP = 1e-4
-"""Spacing of the positions at which forces are compared [m]."""
+STEP = 1e-4  # spacing of the positions at which forces are compared [m]
 _RETREAT = 1e-4  # [m] behind the furthest point: the flicker of an encoder is smaller
 _SHORTEST = 0.005  # [m], shortest common length that is compared
 _TIME_STEP = 0.005  # [s], interval of a rig's positions

@@ -31,10 +31,8 @@ from cutenv.sim.tissue.description import measured_liver
 from cutenv.sim.tissue.specimen import Specimen
 from cutenv.task.reward import STOPPED
 
-DRAWS = 5
-"""Number of simulated cuts of each specimen, which differ only by the noise of the force sensor."""
-_OUR_HEARTBEAT = "0x8130"
-"""Emergency of a drive that has missed this computer's heartbeat."""
+DRAWS = 5  # number of simulated cuts of each specimen, which differ only by the noise of the force sensor
+_OUR_HEARTBEAT = "0x8130"  # Emergency of a drive that has missed this computer's heartbeat
 _ATTEMPTS = 5  # for one specimen
 _NOISE_KEY = 1_000_003  # added to a seed for every further draw of noise
 ProgressCallback = Callable[[str, int], None]

@@ -47,8 +47,7 @@ from cutenv.sim.tissue.specimen import Specimen
 from cutenv.sim.trace import Trace
 from cutenv.task.reward import STOPPED
 
-OPENING_SPEED = 0.0127
-"""Speed of the opening [m/s]: half of the fastest measured."""
+OPENING_SPEED = 0.0127  # speed of the opening [m/s]: half of the fastest measured
 _SHORTEST, _LONGEST = 0.020, 0.050
 """Range of its length [m]: below, little is told of the tissue; above, little is left to the policy."""
 
@@ -139,8 +138,7 @@ def forecast(
     return np.array([mean(policy) for policy in policies])
 
 
-OUTCOMES = ("return", "success")
-"""Outcomes of a cut, in the order of arrays."""
+OUTCOMES = ("return", "success")  # outcomes of a cut, in the order of arrays
 _CUTS, _STUDY = "cuts.jsonl", "study.json"
 
 
@@ -168,8 +166,7 @@ class KeptCuts:
         else:
             with atomic_write(kept) as part:
                 part.write_text(json.dumps(study, indent=1) + "\n", encoding="utf-8")
-        self.cuts: list[dict[str, Any]] = []
-        """Cuts, and lines that tell of missing ones."""
+        self.cuts: list[dict[str, Any]] = []  # cuts, and lines that tell of missing ones
         if self._path.is_file():
             whole = self._path.read_bytes()
             end = whole.rfind(b"\n") + 1  # what follows was being written when the power failed

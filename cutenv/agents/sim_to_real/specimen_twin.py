@@ -31,8 +31,7 @@ from cutenv.sim.tissue.grid import LENGTH, N_POINTS, SPACING, lognormal_sigma
 from cutenv.sim.tissue.specimen import Specimen
 from cutenv.sim.trace import Trace
 
-SHARE = 0.5
-"""Share of the blade's way that a twin is fitted to; the rest is held out."""
+SHARE = 0.5  # share of the blade's way that a twin is fitted to; the rest is held out
 _MODES = 4  # of a field, within the fitted part: 99 % of its variance over two correlation lengths
 _WINDOW = 5e-3  # [m] in which mean and spread of the force are taken: some runs of the crack
 _FEWEST = 20  # readings of a window
