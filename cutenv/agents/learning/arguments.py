@@ -447,6 +447,8 @@ class BCArguments(LearnerArguments):
     """Options of behaviour cloning."""
 
     quick: ClassVar[Mapping[str, Any]] = {"demonstrations": 50_000, "epochs": 20, **QUICKLY}
+    # options that belong to a script, with what they are where a data set is imitated
+    of_script: ClassVar[Mapping[str, Any]] = {"demonstrations": 0, "script": "", "demonstration_noise": 0.0}
 
     dataset: str = option(
         "", "id of a Minari data set to imitate, not a script; it sets decision rate and angle mode", metavar="ID"
@@ -464,7 +466,7 @@ class BCArguments(LearnerArguments):
         """
         if not chosen.get("dataset"):
             return {**(cls.quick if quick else {}), **chosen}
-        for name in ("demonstrations", "script", "demonstration_noise"):
+        for name in cls.of_script:
             if name in chosen:
                 raise BadArguments(f"{flag_of(name)} belongs to a script; leave it out with --dataset.")
         from cutenv.agents.learning.minari_datasets import environment_of, opened
@@ -480,8 +482,7 @@ class BCArguments(LearnerArguments):
                     f"{flag_of(name)} {chosen[name]} contradicts data set {dataset.id!r}, whose decisions "
                     f"were made with {value}; leave it out."
                 )
-        decisions = int(dataset.total_steps)
-        told = {**implied, "script": "", "demonstration_noise": 0.0, "demonstrations": decisions}
+        told = {**implied, **cls.of_script, "demonstrations": int(dataset.total_steps)}
         return {**(cls.quick if quick else {}), **chosen, **told}
 
     @property
@@ -495,6 +496,7 @@ class IQLArguments(BCArguments):
     """Options of implicit Q-learning."""
 
     quick: ClassVar[Mapping[str, Any]] = {**BCArguments.quick, "epochs": 10}
+    of_script: ClassVar[Mapping[str, Any]] = {**BCArguments.of_script, "other_script": ""}
 
     other_script: str = option("probe and creep", "script that makes half of the demonstrations", tuple(SCRIPTS))
     epochs: int = 40
@@ -505,15 +507,6 @@ class IQLArguments(BCArguments):
     temperature: float = option(
         10.0, "exponent per unit of return with which better actions weigh more; 0: imitation", (0.0, 1e6)
     )
-
-    @classmethod
-    def completed(cls, chosen: Mapping[str, Any], *, quick: bool = False) -> dict[str, Any]:
-        """Return a new run's options, as :class:`BCArguments` does."""
-        if not chosen.get("dataset"):
-            return {**(cls.quick if quick else {}), **chosen}
-        if "other_script" in chosen:
-            raise BadArguments("--other-script belongs to a script; leave it out with --dataset.")
-        return super().completed(chosen, quick=quick) | {"other_script": ""}
 
     @property
     def teacher(self) -> str:

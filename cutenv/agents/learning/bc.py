@@ -163,7 +163,11 @@ def fit(clone: Clone, cloning: Fit, request: RunRequest[Any], facts: dict[str, A
         begun -= seconds
         print(f"resuming after {cloning.epoch} epochs")
     every = max(arguments.epochs // arguments.validations, 1)
-    events = event_writer(arguments, run)
+    events: Any = None
+    if arguments.tensorboard:
+        from torch.utils.tensorboard import SummaryWriter
+
+        events = SummaryWriter(str(run / "tensorboard"))
     saved = time.monotonic()
     for _ in tqdm(range(cloning.epoch, arguments.epochs), desc="fitting", unit="epoch"):
         cloning.run_epoch()
@@ -190,15 +194,6 @@ def fit(clone: Clone, cloning: Fit, request: RunRequest[Any], facts: dict[str, A
             break
     if events is not None:
         events.close()
-
-
-def event_writer(arguments: BCArguments, run: Path) -> Any:
-    """Return a writer of events for TensorBoard, or None without ``--tensorboard``."""
-    if not arguments.tensorboard:
-        return None
-    from torch.utils.tensorboard import SummaryWriter
-
-    return SummaryWriter(str(run / "tensorboard"))
 
 
 def run_learner(

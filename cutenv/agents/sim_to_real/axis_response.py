@@ -103,8 +103,8 @@ def force_delay(sines: Sequence[Stretch], felt: Sequence[Felt], frequencies: Seq
         if moved.sum() < _FEWEST or heard.sum() < _FEWEST:
             continue
         omega, begun = 2.0 * math.pi * frequency, float(sine.time[moved][0])
-        position = _component(sine.time[moved], sine.position[moved], frequency, begun)
-        force, noise = _component_with_error(readings.time[heard], readings.force[heard], frequency, begun)
+        position, _ = _component(sine.time[moved], sine.position[moved], frequency, begun)
+        force, noise = _component(readings.time[heard], readings.force[heard], frequency, begun)
         if position == 0.0:
             continue
         acceleration = -(omega**2) * position
@@ -260,7 +260,7 @@ def check_sine(stretch: Stretch, frequency: float, response: Response) -> SineCh
     settled = _within(stretch, stretch.time, frequency)
     time = stretch.time[settled]
     measured, model, told = (
-        _component(time, position[settled], frequency)
+        _component(time, position[settled], frequency, float(time[0]))[0]
         for position in (stretch.position, response.positions(stretch), commanded)
     )
     return SineCheck(
@@ -273,13 +273,8 @@ def check_sine(stretch: Stretch, frequency: float, response: Response) -> SineCh
     )
 
 
-def _component(time: Array, values: Array, frequency: float, begun: float | None = None) -> complex:
-    """Return a drifting sine's amplitude, and phase at ``begun`` or the start."""
-    return _component_with_error(time, values, frequency, float(time[0]) if begun is None else begun)[0]
-
-
-def _component_with_error(time: Array, values: Array, frequency: float, begun: float) -> tuple[complex, float]:
-    """Return amplitude, phase, and the standard error of either part."""
+def _component(time: Array, values: Array, frequency: float, begun: float) -> tuple[complex, float]:
+    """Return a drifting sine's amplitude, its phase at ``begun``, and the standard error of either part."""
     turn = 2.0 * math.pi * frequency * (time - begun)
     columns = np.column_stack((np.cos(turn), -np.sin(turn), np.ones_like(time), time - begun))
     found = np.linalg.lstsq(columns, values, rcond=None)[0]

@@ -239,20 +239,17 @@ def cut_again(
             if not _time_was_lost(env):
                 env.close()  # drives that were left in mid-motion are connected again
             continue
-        if cut.end == STOPPED and _time_was_lost(env):
-            lost = True
-            between.append(f"specimen {episode + 1} was cut again: {env.session.plant.supervisor.report}")
-            continue
-        if cut.end == STOPPED and _stopped_by(env) in ENDS_SESSION:
-            between.append(f"specimen {episode + 1}: {env.session.plant.supervisor.report}")
-            return None
+        if cut.end == STOPPED:
+            report = env.session.plant.supervisor.report
+            if _time_was_lost(env):
+                lost = True
+                between.append(f"specimen {episode + 1} was cut again: {report}")
+                continue
+            if report is not None and report.cause in ENDS_SESSION:
+                between.append(f"specimen {episode + 1}: {report}")
+                return None
         return cut
     return None
-
-
-def _stopped_by(env: RigCutEnv) -> Cause | None:
-    report = env.session.plant.supervisor.report
-    return None if report is None else report.cause
 
 
 def _time_was_lost(env: RigCutEnv) -> bool:
