@@ -9,7 +9,6 @@ from whole_cut import CRUISE, INCLINED, UPRIGHT, make
 
 from cutenv.agents.policy import TipEstimate
 from cutenv.agents.policy.interface import in_si
-from cutenv.agents.policy.tip_estimate import nothing_yet, remember_stiffness
 from cutenv.sim.tissue import Specimen, measured_liver
 from cutenv.sim.tissue.crack_tip import ASSESSED_TIP, MeanTissue, assess_tips, believe_mean
 from cutenv.sim.tissue.specimen import N_POINTS, SPACING, nominal_stiffness, nominal_tissue
@@ -49,20 +48,6 @@ def test_the_depth_where_the_tip_stands_is_remembered_from_when_the_blade_passed
     remembered = np.abs(errors(Specimen.mean(), rising)[40:]).max()
     assert remembered < 0.3e-3
     assert np.abs(errors(Specimen.mean(), rising, forgetful=True)[40:]).max() > 2.0 * remembered
-
-
-def test_the_stiffness_is_that_of_depths_filled_in_evenly_between_two_observations():
-    nominal, memory = nominal_tissue(LIVER)[0], nothing_yet(LIVER).copy()[0]
-    remember_stiffness(memory, nominal, 0.0, 0.002)
-    remember_stiffness(memory, nominal, 4 * SPACING, 0.010)
-    assert memory.passed == 5
-    filled_in = [nominal_stiffness(nominal, k, depth) for k, depth in enumerate([0.002, 0.004, 0.006, 0.008, 0.010])]
-    np.testing.assert_allclose(memory.stiffness[:5], filled_in)
-    remember_stiffness(memory, nominal, 2 * SPACING, 0.5)
-    assert memory.passed == 5, "drawing back changes nothing"
-    np.testing.assert_allclose(memory.stiffness[:5], filled_in)
-    remember_stiffness(memory, nominal, 1.0, 0.02)
-    assert memory.passed == N_POINTS
 
 
 def test_the_force_of_an_elastic_tissue_is_turned_into_its_lag():
