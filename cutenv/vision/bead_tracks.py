@@ -299,8 +299,7 @@ class SpecimenFrame:
     X across the cut line, y along it from the clamp, z up from the plate.
     """
 
-    # where the cut line begins at the clamp, on the plate, in the frame of the calibration [m], shape (3,)
-    origin: Array
+    origin: Array  # where the cut line begins at the clamp, on the plate, in the calibration's frame [m], shape (3,)
     axes: Array  # directions of x, y and z in the frame of the calibration, one in each row, shape (3, 3)
 
     @classmethod

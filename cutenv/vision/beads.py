@@ -38,8 +38,7 @@ class BeadFilter:
     groups: Indices = field(init=False)  # beads that move like each, see `groups_of`, shape (n, k)
     predicted: Array = field(init=False)  # places that the model predicts for this frame [m], shape (n, 3)
     offset: Array = field(init=False)  # place less that predicted [m], shape (n, 3)
-    # beads of which a view has refused the image in this frame, shape (n,)
-    refused: NDArray[np.bool_] = field(init=False)
+    refused: NDArray[np.bool_] = field(init=False)  # whose image a view has refused in this frame, shape (n,)
 
     def __post_init__(self) -> None:
         self.groups = groups_of(self.rest)

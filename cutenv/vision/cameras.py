@@ -96,8 +96,7 @@ class CalibratedCameras:
     Raises ValueError if neither a second camera nor a plane is there, or the sizes of two cameras differ.
     """
 
-    # one, or two of the same size: first the left one, whose half of the image is on the left
-    cameras: tuple[Camera, ...]
+    cameras: tuple[Camera, ...]  # one, or two of the same size, of which the first is on the left of the image
     second: Pose | None = None  # from the first camera's frame to the second's; needed for two
     # from a board that stood in the plane of the cut (its points have z = 0) to the first camera's frame; needed for
     # one camera

@@ -61,12 +61,9 @@ class FilmedDepth:
     time: Array  # time of each usable frame on the record's clock [s], shape (n,)
     along: Array  # length of the blade in the tissue, along the blade, and its standard error [m], shape (n,)
     along_sd: Array
-    # depth of cut, at right angles to the travel, and its standard error [m]: along times the sine of the angle, shape
-    # (n,)
-    vertical: Array
+    vertical: Array  # depth of cut, at right angles to the travel, and its standard error [m], shape (n,)
     vertical_sd: Array
-    # standard deviation of the depth of a frame: from the frames' standard errors, or their scatter if it is larger
-    sd: float
+    sd: float  # of the depth of a frame [m]: by the frames' standard errors, or their scatter if it is larger
     frames: tuple[DepthFrame, ...]  # all frames; what is left out has its reason
     alignment: FilmAlignment  # how the film lies on the record
 
@@ -281,8 +278,7 @@ class SeenRun(NamedTuple):
 
     time: float  # on the record's clock [s]
     interval: float
-    # distance by which the tissue beside the blade fell behind the pace at which the blade carries it [m]: a median
-    step_back: float
+    step_back: float  # by which the tissue beside the blade fell behind the pace of the blade [m]: a median
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -107,8 +107,7 @@ class ImageModuli:
 
     ramp: Indices
     position: Array  # tip [m]
-    # modulus of the material [Pa] with which the ramp's force moves the model's points as the beads moved
-    modulus: Array
+    modulus: Array  # of the material [Pa], with which the ramp's force moves the model as the beads moved
     standard_error: Array  # its standard error [Pa], from the scatter of the beads
 
 

@@ -289,8 +289,7 @@ class CArmView:
     shape: tuple[int, int]  # rows and columns of a frame
     aspect: float  # width of a pixel over its height [1]
     distortion: Distortion  # distortion, in square pixels
-    # from the frame of the calibration [m] to undistorted square pixels; None before `with_projection`, shape (3, 4)
-    projection: Array | None = None
+    projection: Array | None = None  # (3, 4), from the frame of the calibration [m] to undistorted square pixels
     # what the calibration left over: ``grid_px``, ``phantom_px``, and others
     residuals: Mapping[str, float] = field(default_factory=dict)
 
@@ -409,8 +408,7 @@ class CArmCalibration:
 
     views: Sequence[CArmView]  # two views or more, with different names
     frame_rate: float = NTSC_RATE  # frames a second of both [1/s]
-    # which field of a frame was taken first; None: frames are whole, {None, "top", "bottom"}
-    interlaced: str | None = None
+    interlaced: str | None = None  # field of a frame that was taken first, top or bottom; None: frames are whole
 
     def __post_init__(self) -> None:
         in_range("frame_rate", self.frame_rate, 0.1, 1e5, "1/s", "NTSC has 29.97.")

@@ -34,9 +34,7 @@ class Spots:
     covariance: Array  # covariance of each centre [px²], from what the fit left over, shape (n, 2, 2)
     amplitude: Array  # height above the background, or depth below it [units of the image], shape (n,)
     sigma: Array  # width of the fitted Gaussian [px], shape (n,)
-    # standard deviation of what the fit left over around each: the noise of one pixel there [units of the image], shape
-    # (n,)
-    scatter: Array
+    scatter: Array  # SD of what the fit left over around each, a pixel's noise [units of the image], shape (n,)
 
     def __len__(self) -> int:
         return len(self.place)

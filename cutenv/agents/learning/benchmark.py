@@ -260,8 +260,7 @@ class SubmittedRun:
     arguments: Mapping[str, Any]  # keyword arguments of the environment that the policy chose
     returns: tuple[float, ...]
     actions: tuple[np.ndarray, ...]  # actions of each cut, shape (decisions, 2)
-    # returns in training, of :func:`cutenv.agents.learning.benchmark.returns_after`; they are the author's own
-    after: Mapping[str, float | None]
+    after: Mapping[str, float | None]  # returns in training, of :func:`returns_after`; they are the author's own
 
 
 @dataclass(frozen=True)

@@ -34,8 +34,7 @@ class Transitions(NamedTuple):
     observations: np.ndarray  # features, shape (decisions, size)
     actions: np.ndarray  # actions as they were taken, shape (decisions, k)
     rewards: np.ndarray  # rewards, shape (decisions,)
-    # features at the next decision, shape (decisions, size); of the next cut where one ended
-    next_observations: np.ndarray
+    next_observations: np.ndarray  # features at the next decision, shape (decisions, size); of the next cut at an end
     ends: np.ndarray  # True where the cut ended, shape (decisions,)
 
 

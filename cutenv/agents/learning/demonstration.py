@@ -120,8 +120,7 @@ class Demonstration:
     actions: np.ndarray  # actions in [-1, 1], shape (n, 2)
     rewards: np.ndarray  # rewards of the decisions, shape (n,)
     terminated: bool  # True if the cut reached one of the task's ends; False if the record ended before
-    # :data:`FELT` and :data:`HIDDEN` or :data:`ESTIMATED`, the unit in the name, shape (n + 1,)
-    infos: dict[str, np.ndarray]
+    infos: dict[str, np.ndarray]  # :data:`FELT` and :data:`HIDDEN` or :data:`ESTIMATED`, shape (n + 1,)
     seed: int | None  # seed with which the environment's ``reset`` draws the same specimen; None for a recorded cut
     about: dict[str, Any]  # facts about this cut: target length, and the record's metadata
 

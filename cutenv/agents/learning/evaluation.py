@@ -49,13 +49,10 @@ class FinishedCut:
     success: bool
     truth: Mapping[str, Any]  # ``info["truth"]`` at the end
     reward_totals: Mapping[str, float]  # sum of each term of the reward over the cut
-    # sum of each part of the cost over the cut: ``overshoot_mm``, ``long_runs_mm`` [mm]
-    cost_totals: Mapping[str, float]
+    cost_totals: Mapping[str, float]  # sum of each part of the cost: ``overshoot_mm``, ``long_runs_mm`` [mm]
     largest_jump_m: float  # largest unstable growth in a millisecond [m]
     time_s: float  # time of its end [s]
-    # readings at 1 kHz, :data:`cutenv.sim.cutting.dtypes.READING`, shape (n,), hidden tip included; for the scores
-    # alone, ``true_force`` is enough
-    readings: StructArray
+    readings: StructArray  # at 1 kHz, READING, shape (n,), hidden tip included; the scores need ``true_force`` alone
     # depth [m], as measured beforehand [m], and fracture resistance [J/m2] of the specimen along the line, shape (301,)
     depth: np.ndarray
     measured_depth: np.ndarray

@@ -74,8 +74,7 @@ class RollOut(NamedTuple):
     ticks: int  # milliseconds between decisions
     decisions: int  # largest number of decisions
     returns: StructArray  # filled with the return of each plan, shape (n,)
-    # filled with the actions taken, shape (n, decisions, 2), unless it has no rows; not for plans with a leader
-    actions: StructArray
+    actions: StructArray  # filled with those taken, (n, decisions, 2), if it has rows; not for plans with a leader
 
 
 @njit_nogil

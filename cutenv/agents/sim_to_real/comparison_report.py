@@ -54,10 +54,8 @@ class Evaluation:
     seed: int
     agreement: Agreement
     clock: ClockKept  # timing of the rig's control clock
-    # constants identified on the rig and given to the simulator, in SI
-    given: Mapping[str, float] = field(default_factory=dict)
-    # constants of an emulated or fake rig that were changed, in SI
-    changed: Mapping[str, float] = field(default_factory=dict)
+    given: Mapping[str, float] = field(default_factory=dict)  # identified on the rig, for the simulator; SI
+    changed: Mapping[str, float] = field(default_factory=dict)  # of an emulated or fake rig; SI
     notes: tuple[str, ...] = ()  # further notes for the reader
 
     @property

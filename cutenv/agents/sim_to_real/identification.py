@@ -232,14 +232,12 @@ _REST_TICKS = 100
 class Recorded(NamedTuple):
     """Response of axis and sensor."""
 
-    # parts in the plan's order; for each speed there is a step away from the clamp and one back
-    steps: tuple[Stretch, ...]
+    steps: tuple[Stretch, ...]  # in the plan's order; for each speed one away from the clamp and one back
     sines: tuple[Stretch, ...]
     turns: Stretch
     force: Array  # readings along the cut at rest [N], shape (n,)
     rate: float  # rate of those readings [Hz]
-    # the same readings of all three axes of the sensor [N]; empty if they were not kept, shape (n, 3)
-    axes: Array = np.zeros((0, 3))
+    axes: Array = np.zeros((0, 3))  # those of all three axes of the sensor [N], shape (n, 3); empty if not kept
     felt: tuple[Felt, ...] = ()  # readings along the cut during each sine; empty if they were not kept
 
 

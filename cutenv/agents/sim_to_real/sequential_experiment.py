@@ -213,8 +213,7 @@ class RigComparison:
     names: tuple[str, str]
     question: SequentialQuestion  # what is asked of the difference of returns, each clipped between 0 and 1
     seed: int = 0  # seed of specimens, lengths and the order of the policies
-    # whether the two cuts of a pair are made side by side, in two places; else in the same drawn specimen
-    apart: bool = False
+    apart: bool = False  # whether a pair's cuts are side by side, in two places; else in the same drawn specimen
     opening: float | None = None  # length of the measured opening [m]; None: there is none
     draws: int = DRAWS  # simulated cuts of each twin by each policy
     between: list[str] = field(default_factory=list)  # notes on cuts that were repeated

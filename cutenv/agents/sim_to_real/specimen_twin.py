@@ -49,11 +49,9 @@ class SpecimenTwin:
 
     specimen: Specimen  # the most likely specimen
     until: float  # position of the blade up to which the record was used [m]
-    # root mean square difference of the force's mean and spread from the record's, in windows up to there [N]
-    misfit: float
+    misfit: float  # RMS difference of the force's mean and spread from the record's, in windows up to there [N]
     numbers: Array  # what was fitted, in standard deviations of the tissue's spread, shape (4 + 2 * modes,)
-    # root of the covariance of these numbers, as far as the record leaves them open, shape (4 + 2 * modes, n)
-    spread: Array
+    spread: Array  # root of their covariance, as far as the record leaves it open, shape (4 + 2 * modes, n)
 
     def drawn(self, rng: np.random.Generator, measured: Array | None = None) -> Specimen:
         """Return a specimen that agrees with the record, the rest drawn.
