@@ -33,7 +33,7 @@ from cutenv.agents.policy import Network
 from cutenv.agents.policy.features import feature_count
 
 if TYPE_CHECKING:
-    from minari import MinariDataset
+    pass
 
 NAME = "behaviour cloning"
 _MOMENTS = ("exp_avg", "exp_avg_sq", "step")  # Adam's state for each parameter
@@ -118,14 +118,10 @@ def training_data(arguments: BCArguments) -> tuple[DecisionDataset, dict[str, An
             f"data set {dataset.id!r} contains {len(observations)} decisions, not the {arguments.demonstrations} that "
             "this run began with; begin another run."
         )
-    facts = {"dataset": dataset.id, "source": source_of(dataset), "cuts": int(dataset.total_episodes)}
-    return DecisionDataset(observations, actions), facts | {"decisions": len(observations)}
-
-
-def source_of(dataset: MinariDataset) -> str:
-    """Return the source of a data set's cuts, or "unknown"."""
     metadata = dataset.storage.metadata
-    return str(metadata.get("cutenv", {}).get("source", metadata.get("algorithm_name", "unknown")))
+    source = str(metadata.get("cutenv", {}).get("source", metadata.get("algorithm_name", "unknown")))
+    facts = {"dataset": dataset.id, "source": source, "cuts": int(dataset.total_episodes)}
+    return DecisionDataset(observations, actions), facts | {"decisions": len(observations)}
 
 
 def train(request: RunRequest[BCArguments], facts: dict[str, Any]) -> None:

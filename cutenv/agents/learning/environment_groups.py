@@ -27,16 +27,13 @@ def random_rigs(count: int, seed: int) -> list[dict[str, float]]:
 
     Each constant is drawn uniformly between the ends of its sensitivity range, those of the parameter table.
     """
-    ranges = {row["name"]: (row["default"], *row["sensitivity"]) for row in _swept()}
+    swept = [row for row in parameter_table(*RANDOM_GROUPS) if row["sensitivity"]]
+    ranges = {row["name"]: (row["default"], *row["sensitivity"]) for row in swept}
     rng = np.random.default_rng([seed, count])
     drawn = [
         {name: float(rng.uniform(min(values), max(values))) for name, values in ranges.items()} for _ in range(count)
     ]
     return [{}, *drawn[1:]]
-
-
-def _swept() -> list[dict[str, Any]]:
-    return [row for row in parameter_table(*RANDOM_GROUPS) if row["sensitivity"]]
 
 
 class EnvironmentGroups(VecEnv):

@@ -39,7 +39,7 @@ from cutenv.agents.learning.demonstration import (
     felt_now,
     infos_of,
 )
-from cutenv.agents.learning.minari_datasets import actions_of
+from cutenv.agents.learning.minari_datasets import described
 from cutenv.agents.policy.trained import observation_scaling
 from cutenv.task.registry import task_of
 
@@ -275,11 +275,8 @@ def _info(
         "features": features,
         "cutenv": {
             "version": cutenv.__version__,
-            "source": source,
             "environment": {"id": task.id, **keywords},
-            "observations": observation_scaling(task.id),  # value = number x scale + offset
-            "actions": actions_of(task),
-            "actions_are": "commands" if cut.seed is not None else "motion of the blade until the next decision",
+            **described(task, source, cut),
         },
     }
 

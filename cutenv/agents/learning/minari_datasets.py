@@ -46,11 +46,17 @@ if TYPE_CHECKING:
 _UNSET = "`(author|author_email|code_permalink|eval_env)` is set to None"  # Minari warns of each
 
 
-def actions_of(task: RegisteredTask) -> list[str]:
-    """Return the meaning of each number of a task's action."""
-    named = ["target speed: 0 within 0.1, 2.54 cm/s at 1", "(target angle - 67.5 deg) / 22.5 deg"]
-    axis = task.task.axis
-    return named if axis is None else [*named, f"{axis.meaning}: 0 within 0.1, then {axis.shown} {axis.unit}"]
+def described(task: RegisteredTask, source: str, cut: Demonstration) -> dict[str, Any]:
+    """Return source, and meaning of observations and actions, for a data set's metadata."""
+    actions = ["target speed: 0 within 0.1, 2.54 cm/s at 1", "(target angle - 67.5 deg) / 22.5 deg"]
+    if (axis := task.task.axis) is not None:
+        actions.append(f"{axis.meaning}: 0 within 0.1, then {axis.shown} {axis.unit}")
+    return {
+        "source": source,
+        "observations": observation_scaling(task.id),  # value = number x scale + offset
+        "actions": actions,
+        "actions_are": "commands" if cut.seed is not None else "motion of the blade until the next decision",
+    }
 
 
 def simulated_cuts(
@@ -141,14 +147,11 @@ def write(
     dataset.storage.update_metadata(
         {
             "cutenv": {
-                "source": source,
+                **described(task, source, demonstrations[0]),
                 "infos": FELT
                 | (HIDDEN if is_simulated else ESTIMATED)
                 | infos_of(task.id).meanings
                 | (INTERVENED if "is_intervention" in demonstrations[0].infos else {}),
-                "observations": observation_scaling(task.id),  # value = number x scale + offset
-                "actions": actions_of(task),
-                "actions_are": "commands" if is_simulated else "motion of the blade until the next decision",
             }
         }
     )

@@ -35,7 +35,7 @@ from cutenv.agents.learning.cloning import Cloning, Demonstrations, script_demon
 from cutenv.agents.learning.environment_groups import EnvironmentGroups
 from cutenv.agents.learning.evaluation import contestant, evaluate
 from cutenv.agents.learning.option_fields import drawn_as
-from cutenv.agents.learning.progress import CheckpointExtras, Progress, save_model
+from cutenv.agents.learning.progress import Progress, save_model
 from cutenv.agents.learning.run_folder import RunRequest, end_interrupted, export, record_run, write_facts
 from cutenv.agents.learning.statistics import read_rows
 from cutenv.agents.learning.training_report import compare
@@ -154,11 +154,12 @@ def train(learner: TrialLearner, arguments: TrialArguments, run: Path, resume: b
     if resume:
         model = learner.algorithm.load(checkpoint, env=environments, device="cpu", tensorboard_log=events)
         learner.restore(model, arguments)
-        environments.first_episode = unseen_episode(model)
+        # Training cannot have reached it; else a resumed run would cut the same specimens again, from the first on.
+        environments.first_episode = 1 + int(model.num_timesteps) // int(model.n_envs)
         curve = read_rows(run / "learning_curve.csv")
         curve = [point for point in curve if point["decisions"] <= model.num_timesteps]
-        extras = CheckpointExtras.of(model)
-        environments.cuts = 0 if extras is None else extras.cuts
+        extras = getattr(model, "checkpoint_extras", None)
+        environments.cuts = 0 if extras is None else extras.get("cuts", 0)
         print(f"resuming after {model.num_timesteps} decisions")
         if extras is None:
             print("the checkpoint contains no running average of the actor: the average starts again")
@@ -184,25 +185,6 @@ def train(learner: TrialLearner, arguments: TrialArguments, run: Path, resume: b
     if finished and not (run / "policy.zip").is_file():  # training ended before the first validation
         save_model(model, run / "policy.zip")
     return finished, share
-
-
-def unseen_episode(model: Any) -> int:
-    """Return an episode number that training cannot have reached.
-
-    Otherwise a resumed run would cut the same specimens again, from the first on.
-    """
-    return 1 + int(model.num_timesteps) // int(model.n_envs)
-
-
-def exported(learner: TrialLearner, arguments: TrialArguments, run: Path, name: str, facts: Mapping[str, Any]) -> None:
-    """Export ``name``.zip's actor for use without torch.
-
-    It becomes ``name``/policy.safetensors and card.json.
-    """
-    model = learner.algorithm.load(run / f"{name}.zip", device="cpu")
-    arrays = {key: value.detach().cpu().numpy() for key, value in model.policy.state_dict().items()}
-    network = learner.network(arrays, learner.activation)
-    export(arguments, run / name, network, {**facts, "decisions": int(model.num_timesteps)})
 
 
 def time_to_threshold(arguments: LearnerArguments, curve: Sequence[Mapping[str, float]]) -> float | None:
@@ -239,7 +221,10 @@ def run_learner(learner: TrialLearner, request: RunRequest[Any], resume_command:
         facts["environments_share"] = round(share, 3)
     try:
         for name in ("untrained", "policy"):
-            exported(learner, arguments, run, name, facts)
+            model = learner.algorithm.load(run / f"{name}.zip", device="cpu")
+            arrays = {key: value.detach().cpu().numpy() for key, value in model.policy.state_dict().items()}
+            actor = learner.network(arrays, learner.activation)
+            export(arguments, run / name, actor, {**facts, "decisions": int(model.num_timesteps)})
         write_facts(run, facts)
         if arguments.specimens:
             print(f"evaluating it and others on {arguments.specimens} held-out specimens, some minutes", flush=True)

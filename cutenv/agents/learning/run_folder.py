@@ -78,18 +78,16 @@ def export(
     )
 
 
-def versions(packages: Sequence[str]) -> dict[str, str]:
-    """Return the versions of these packages and of Python."""
-    return {name: importlib.metadata.version(name) for name in packages} | {"python": platform.python_version()}
-
-
 def origin(run: Path, packages: Sequence[str]) -> dict[str, Any]:
     """Return versions and commit for ``run.json``, those of the start if resumed, with what was measured then.
 
     Commits that differ from the first are listed as ``resumed_at_commits``, each formatted by :func:`marked`.
     """
     present = {
-        "versions": versions(packages),
+        "versions": {
+            **{name: importlib.metadata.version(name) for name in packages},
+            "python": platform.python_version(),
+        },
         "commit": git("rev-parse", "HEAD"),
         "uncommitted_changes": bool(git("status", "--porcelain", "--untracked-files=no")),
     }

@@ -59,26 +59,22 @@ class SpecimenTwin:
         Its depth as it could have been ``measured`` [m], (301,), is beyond the fitted part taken for the true one,
         whose difference from what was measured the record does not tell.
         """
-        fields = _fields(self.specimen.tissue.correlation_length, round(self.until / SPACING))
-        further = [fields.beyond @ rng.standard_normal(fields.beyond.shape[1]) for _ in range(2)]
+        modes, beyond = _fields(self.specimen.tissue.correlation_length, round(self.until / SPACING))
+        further = [beyond @ rng.standard_normal(beyond.shape[1]) for _ in range(2)]
         numbers = self.numbers + self.spread @ rng.standard_normal(self.spread.shape[1])
         depth = self.specimen.depth
         if measured is not None:
             ahead = np.maximum(np.arange(N_POINTS) * SPACING - self.until, 0.0)
             depth = depth + (1.0 - np.exp(-ahead / _FADES)) * (measured - depth)
-        return _specimen(numbers, fields.modes, self.specimen.tissue, depth, further)
-
-
-@dataclass(frozen=True, eq=False)
-class _Fields:
-    """Unit Gaussian field, split at the fitted part's end."""
-
-    modes: Array  # modes that the fitted part tells of, shape (301, modes)
-    beyond: Array  # root of the covariance that is left, shape (301, n)
+        return _specimen(numbers, modes, self.specimen.tissue, depth, further)
 
 
 @lru_cache(maxsize=64)
-def _fields(correlation_length: float, points: int) -> _Fields:
+def _fields(correlation_length: float, points: int) -> tuple[Array, Array]:
+    """Return a unit Gaussian field's modes that the fitted part tells of, and the root of the covariance left.
+
+    Their shapes are (301, modes) and (301, n).
+    """
     at = np.arange(N_POINTS) * SPACING
     covariance = np.exp(-0.5 * ((at[:, None] - at[None, :]) / correlation_length) ** 2)
     told = slice(0, max(points, 2))
@@ -87,7 +83,7 @@ def _fields(correlation_length: float, points: int) -> _Fields:
     modes = covariance[:, told] @ vectors[:, kept] / np.sqrt(values[kept])
     left, roots = np.linalg.eigh(covariance - modes @ modes.T)
     clear = left > 1e-6
-    return _Fields(modes, roots[:, clear] * np.sqrt(left[clear]))
+    return modes, roots[:, clear] * np.sqrt(left[clear])
 
 
 def _specimen(
@@ -156,7 +152,7 @@ def fit_twin(
             found.append(np.concatenate((mean, np.sqrt(variance)))[np.tile(count >= _FEWEST, 2)])
         return np.concatenate(found)
 
-    told, modes = binned(force), _fields(tissue.correlation_length, round(until / SPACING)).modes
+    told, (modes, _) = binned(force), _fields(tissue.correlation_length, round(until / SPACING))
     upright = float(np.median(angle)) > _INCLINED
 
     def off(numbers: Array) -> Array:
