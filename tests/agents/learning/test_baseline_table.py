@@ -21,7 +21,7 @@ from cutenv.agents.policy import (
     feed_name,
 )
 from scripts.benchmarks.policies import baseline_table
-from scripts.benchmarks.policies.baseline_table import earlier_return, findings, grid_lines, report, table
+from scripts.benchmarks.policies.baseline_table import earlier_return, findings, report
 
 EARLIER = {
     "progress": 1.0, "accuracy": 0.0, "success": 0.0, "uncontrolled": 0.15, "jump": 0.05, "force": 0.02, "lag": 0.03,
@@ -117,14 +117,6 @@ def test_the_best_return_is_ranked_by_success():
         row["success"] = {CORNER: 0.9, MIDDLE: 0.8, "probe and creep": 0.7}.get(row["policy"], 0.5)
     said = f"best success of a script: {CORNER}, 0.900; the best script's is 0.700, rank 3 of {SCRIPTED}"
     assert findings(rows, "return")[2] == findings(rows, "earlier_return")[2] == said
-
-
-def test_the_grid_shows_each_feed_where_it_belongs():
-    lines = grid_lines(table(made_up(corner=0.6, middle=0.7), "return"))
-    assert [float(cell) for cell in lines[0].split("]")[1].split()] == [0.10, 0.38, 0.89, 1.27, 1.65, 2.16, 2.54]
-    at_45 = [float(cell) for cell in lines[1].split("deg")[1].split()]
-    assert at_45 == [0.3, 0.3, 0.3, 0.7, 0.3, 0.3, 0.6]
-    assert len(lines) == 1 + 4
 
 
 def test_the_report_names_every_script_the_best_feed_the_bound_and_both_rewards():

@@ -280,25 +280,6 @@ def renamed(folder: Path, name: str, seed: int, **facts) -> None:
     write_run(folder, {**run.facts, "contestant": name, **facts}, run.by_class, "mixed")
 
 
-def test_agents_that_cut_equally_are_one_row_without_a_rank(compared, tmp_path):
-    publish(compared, tmp_path)
-    for name in ("SAC", "TQC"):
-        for seed in range(2):
-            renamed(tmp_path, name, seed)
-    file_of(tmp_path, "PPO", 0).unlink()  # else it is equal as well
-    summarise_cuts(tmp_path, TINY)
-    (row,) = (row for row in read_table(tmp_path).main()[1] if "SAC" in row[1])
-    assert row[:3] == ["–", "SAC, TQC", "with demonstrations; no better than its start"]
-    text = markdown(tmp_path)
-    assert "- SAC, TQC against return stroke: no better than its start, which does not beat it" in text
-    assert "An agent whose validation threw all of its training by trial away" in text
-    write_leaderboard(tmp_path / "page.html", tmp_path)
-    assert "SAC, TQC" in (tmp_path / "page.html").read_text()
-    file_of(tmp_path, "TQC", 1).unlink()
-    summarise_cuts(tmp_path, TINY)
-    assert {row[1]: row[0] for row in read_table(tmp_path).main()[1]}["SAC"] != "–"  # one seed is not all
-
-
 @pytest.mark.parametrize(("kept", "as_begun"), [((True, True), True), ((True, False), False)])
 def test_an_agent_that_kept_its_start_with_every_seed_has_no_rank(compared, tmp_path, kept, as_begun):
     publish(compared, tmp_path)

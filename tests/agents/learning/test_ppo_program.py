@@ -94,12 +94,6 @@ def test_the_actor_never_sees_what_the_critic_sees(finished):
     assert values[0] != values[1]
 
 
-def test_a_run_is_never_overwritten(finished):
-    again = run("train", finished[0].parents[1], *SMALL["ppo"])
-    assert again.returncode != 0
-    assert "--resume" in again.stderr
-
-
 @pytest.mark.parametrize("learner", SMALL)
 def test_the_program_that_is_written_out_makes_the_same_policy(trained, tmp_path, learner):
     start = run_afresh if learner == "bc" else run  # one of them as a user starts it
@@ -127,9 +121,16 @@ def test_the_report_of_a_finished_run_can_be_made_again(finished, tmp_path):
     assert "runs/none contains no policy/card.json" in nothing.stderr
 
 
-def test_a_number_that_makes_no_sense_is_refused_before_any_work(tmp_path):
-    done = run("train", tmp_path, "--name", "bad", "--gamma", "1.5")
-    assert "--gamma 1.5 is outside 0.0 to 1.0" in done.stderr
+def test_runs_that_are_there_or_not_there_and_bad_numbers_are_refused(finished, tmp_path):
+    for folder, given, said in (
+        (finished[0].parents[1], SMALL["ppo"], "--resume"),  # a run is never overwritten
+        (tmp_path, ("--name", "bad", "--gamma", "1.5"), "--gamma 1.5 is outside 0.0 to 1.0"),
+        (tmp_path, ("--resume", "runs/none"), "contains no checkpoint.zip"),
+    ):
+        done = run("train", folder, *given)
+        assert done.returncode != 0
+        assert said in done.stderr
+        assert "Traceback" not in done.stderr
     assert not (tmp_path / "runs").exists()
 
 
@@ -147,10 +148,3 @@ def test_an_interrupted_run_goes_on_training_from_its_checkpoint(tmp_path):
     assert done.returncode == 0, done.stderr
     assert "the training is complete\n" in done.stdout
     assert json.loads((tmp_path / "runs" / "small" / "run.json").read_text())["environments_share"] == share > 0.0
-
-
-def test_resuming_nothing_says_what_is_missing(tmp_path):
-    done = run("train", tmp_path, "--resume", "runs/none")
-    assert done.returncode != 0
-    assert "contains no checkpoint.zip" in done.stderr
-    assert "Traceback" not in done.stderr
