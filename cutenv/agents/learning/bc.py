@@ -23,7 +23,7 @@ from tqdm import tqdm
 
 from cutenv._base.output import atomic_write
 from cutenv.agents.learning.arguments import BadArguments, BCArguments
-from cutenv.agents.learning.cloning import Cloning, DecisionDataset, Fit, script_demonstrations
+from cutenv.agents.learning.cloning import Cloning, DecisionDataset, EpochFit, script_demonstrations
 from cutenv.agents.learning.minari_datasets import cloning_data, opened
 from cutenv.agents.learning.progress import validate
 from cutenv.agents.learning.run_folder import RunRequest, end_interrupted, export, record_run, write_facts
@@ -72,7 +72,7 @@ class Clone:
         return Network(tuple((layer.weight.detach().numpy(), layer.bias.detach().numpy()) for layer in dense), "tanh")
 
 
-def save_checkpoint(path: Path, clone: Clone, cloning: Fit, seconds: float) -> None:
+def save_checkpoint(path: Path, clone: Clone, cloning: EpochFit, seconds: float) -> None:
     """Write network, Adam's moments, epochs and seconds, atomically."""
     content = {f"network.{name}": values for name, values in clone.module.state_dict().items()}
     for n, moments in cloning.optimizer.state_dict()["state"].items():
@@ -81,7 +81,7 @@ def save_checkpoint(path: Path, clone: Clone, cloning: Fit, seconds: float) -> N
         safetensors.torch.save_file(content, part, {"epoch": str(cloning.epoch), "seconds": f"{seconds:.1f}"})
 
 
-def load_checkpoint(path: Path, clone: Clone, cloning: Fit) -> float | None:
+def load_checkpoint(path: Path, clone: Clone, cloning: EpochFit) -> float | None:
     """Restore :func:`save_checkpoint`'s checkpoint; return its seconds, or None."""
     content = safetensors.torch.load_file(path)
     clone.module.load_state_dict(
@@ -141,7 +141,7 @@ def train(request: RunRequest[BCArguments], facts: dict[str, Any]) -> None:
     fit(clone, cloning, request, facts, begun)
 
 
-def fit(clone: Clone, cloning: Fit, request: RunRequest[Any], facts: dict[str, Any], begun: float) -> None:
+def fit(clone: Clone, cloning: EpochFit, request: RunRequest[Any], facts: dict[str, Any], begun: float) -> None:
     """Fit epoch by epoch, from a checkpoint if resumed.
 
     Export the epoch that does best on validation specimens. ``begun`` is the time at which the work began

@@ -172,7 +172,16 @@ def script_demonstrations(
     )
 
 
-class Fit(ABC):
+class FitNumbers(NamedTuple):
+    """Hyperparameters of a fit."""
+
+    epochs: int
+    batch_size: int
+    learning_rate: float
+    seed: int
+
+
+class EpochFit(ABC):
     """Fit of parameters to a data set, epoch by epoch; the rate of learning falls along half a cosine to zero.
 
     The order of an epoch depends only on the seed and the number of the epoch, so that a resumed fit gives the same
@@ -180,18 +189,11 @@ class Fit(ABC):
     """
 
     def __init__(
-        self,
-        parameters: list[torch.nn.Parameter],
-        dataset: DecisionDataset | CutDataset,
-        *,
-        epochs: int,
-        batch_size: int,
-        learning_rate: float,
-        seed: int,
+        self, parameters: list[torch.nn.Parameter], dataset: DecisionDataset | CutDataset, numbers: FitNumbers
     ) -> None:
-        self._dataset, self._epochs, self._batch_size = dataset, epochs, batch_size
-        self._rate, self._seed = learning_rate, seed
-        self.optimizer = torch.optim.Adam(parameters, lr=learning_rate)
+        self._dataset = dataset
+        self._epochs, self._batch_size, self._rate, self._seed = numbers
+        self.optimizer = torch.optim.Adam(parameters, lr=self._rate)
         self.epoch = 0  # number of completed epochs
 
     def run_epoch(self) -> None:
@@ -221,7 +223,7 @@ class Fit(ABC):
         """Return the root mean square error of the actions."""
 
 
-class Cloning(Fit):
+class Cloning(EpochFit):
     """Least-squares fit of a network to demonstrated actions."""
 
     def __init__(
@@ -235,9 +237,7 @@ class Cloning(Fit):
         learning_rate: float = 2e-3,
         seed: int = 0,
     ) -> None:
-        super().__init__(
-            parameters, dataset, epochs=epochs, batch_size=batch_size, learning_rate=learning_rate, seed=seed
-        )
+        super().__init__(parameters, dataset, FitNumbers(epochs, batch_size, learning_rate, seed))
         self._network = network
 
     def run(self) -> float:

@@ -19,7 +19,7 @@ import torch
 
 from cutenv.agents.learning import bc
 from cutenv.agents.learning.arguments import BadArguments, IQLArguments
-from cutenv.agents.learning.cloning import Batch, DecisionDataset, Fit, Transitions, demonstrations
+from cutenv.agents.learning.cloning import Batch, DecisionDataset, EpochFit, FitNumbers, Transitions, demonstrations
 from cutenv.agents.learning.minari_datasets import cloning_data, opened
 from cutenv.agents.learning.run_folder import RunRequest
 from cutenv.agents.policy import BASELINES
@@ -58,7 +58,7 @@ class Agent(bc.Clone):
         )
 
 
-class ImplicitQLearning(Fit):
+class ImplicitQLearning(EpochFit):
     """Fit of an agent to transitions."""
 
     def __init__(self, agent: Agent, data: Transitions, arguments: IQLArguments) -> None:
@@ -68,10 +68,7 @@ class ImplicitQLearning(Fit):
         super().__init__(
             [parameter for part in learned for parameter in part.parameters()],
             self._decisions,
-            epochs=arguments.epochs,
-            batch_size=arguments.batch_size,
-            learning_rate=arguments.learning_rate,
-            seed=arguments.seed,
+            FitNumbers(arguments.epochs, arguments.batch_size, arguments.learning_rate, arguments.seed),
         )
 
     def stepped(self) -> None:

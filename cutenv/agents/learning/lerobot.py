@@ -39,7 +39,7 @@ from cutenv.agents.learning.demonstration import (
     felt_now,
     infos_of,
 )
-from cutenv.agents.learning.minari_datasets import described
+from cutenv.agents.learning.minari_datasets import meanings_of
 from cutenv.agents.policy.trained import observation_scaling
 from cutenv.task.registry import task_of
 
@@ -276,7 +276,7 @@ def _info(
         "cutenv": {
             "version": cutenv.__version__,
             "environment": {"id": task.id, **keywords},
-            **described(task, source, cut),
+            **meanings_of(task, source, cut),
         },
     }
 

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 _UNSET = "`(author|author_email|code_permalink|eval_env)` is set to None"  # Minari warns of each
 
 
-def described(task: RegisteredTask, source: str, cut: Demonstration) -> dict[str, Any]:
+def meanings_of(task: RegisteredTask, source: str, cut: Demonstration) -> dict[str, Any]:
     """Return source, and meaning of observations and actions, for a data set's metadata."""
     actions = ["target speed: 0 within 0.1, 2.54 cm/s at 1", "(target angle - 67.5 deg) / 22.5 deg"]
     if (axis := task.task.axis) is not None:
@@ -147,7 +147,7 @@ def write(
     dataset.storage.update_metadata(
         {
             "cutenv": {
-                **described(task, source, demonstrations[0]),
+                **meanings_of(task, source, demonstrations[0]),
                 "infos": FELT
                 | (HIDDEN if is_simulated else ESTIMATED)
                 | infos_of(task.id).meanings
