@@ -38,37 +38,28 @@ HELD_OUT = 2_000_000
 class Args:
     """Options of the command line."""
 
-    env: str = "cutenv/GentleCut-v1"
-    """Id of an environment with a native vector environment."""
+    env: str = "cutenv/GentleCut-v1"  # id of an environment with a native vector environment
+    # decisions a second; 0: those of the environment, for the tracks, which have 10 and take no keyword
     control_hz: int = 10
-    """Decisions a second; 0: those of the environment, for the tracks, which have 10 and take no keyword."""
     seed: int = 0
     total_decisions: int = 3_000_000
     num_envs: int = 256
-    num_steps: int = 64
-    """Decisions of each environment between updates."""
-    chunk: int = 16
-    """Decisions through which gradients go back; divides num_steps."""
-    hidden_size: int = 64
-    """Numbers in the memory."""
+    num_steps: int = 64  # decisions of each environment between updates
+    chunk: int = 16  # decisions through which gradients go back; divides num_steps
+    hidden_size: int = 64  # numbers in the memory
     num_minibatches: int = 16
     update_epochs: int = 6
     learning_rate: float = 7e-4
     anneal_lr: bool = True
-    gamma: float = 1.0
-    """A cut ends by itself, and its score is the plain sum of the rewards."""
+    gamma: float = 1.0  # a cut ends by itself, and its score is the plain sum of the rewards
     gae_lambda: float = 0.95
     clip_coef: float = 0.2
     vf_coef: float = 0.5
     max_grad_norm: float = 0.5
-    exploration: float = 0.8
-    """Standard deviation of the actions at the start."""
-    last_exploration: float = 0.1
-    """The same at the end, to which it falls linearly."""
-    forward: float = 0.0
-    """Mean of the first action, the speed, before anything is learned."""
-    eval_specimens: int = 200
-    """Number of held-out specimens of the evaluation."""
+    exploration: float = 0.8  # standard deviation of the actions at the start
+    last_exploration: float = 0.1  # the same at the end, to which it falls linearly
+    forward: float = 0.0  # mean of the first action, the speed, before anything is learned
+    eval_specimens: int = 200  # number of held-out specimens of the evaluation
 
     @property
     def batch_size(self) -> int:

@@ -37,23 +37,19 @@ class Args:
     seed: int = 0
     total_decisions: int = 1_500_000
     num_envs: int = 64
-    num_steps: int = 256
-    """Decisions of each environment between updates."""
+    num_steps: int = 256  # decisions of each environment between updates
     num_minibatches: int = 16
     update_epochs: int = 8
     learning_rate: float = 3e-4
     anneal_lr: bool = False
-    gamma: float = 1.0
-    """A cut ends by itself, and its score is the plain sum of the rewards."""
+    gamma: float = 1.0  # a cut ends by itself, and its score is the plain sum of the rewards
     gae_lambda: float = 0.95
     clip_coef: float = 0.2
     ent_coef: float = 0.0
     vf_coef: float = 0.5
     max_grad_norm: float = 0.5
-    log_std: float = 0.0
-    """Logarithm of the standard deviation of the actions at the start."""
-    eval_specimens: int = 200
-    """Number of held-out specimens of the evaluation."""
+    log_std: float = 0.0  # logarithm of the standard deviation of the actions at the start
+    eval_specimens: int = 200  # number of held-out specimens of the evaluation
 
     @property
     def batch_size(self) -> int:

@@ -90,10 +90,8 @@ def connect(arguments: Arguments) -> None:
 
     Do so before Ray is imported elsewhere.
 
-    Raises
-    ------
-    RuntimeError
-        If a local cluster can be reached from elsewhere, because Ray had been imported; it is shut down again.
+    Raises RuntimeError if a local cluster can be reached from elsewhere, because Ray had been imported; it is shut down
+    again.
     """
     # Ray reads these when it is imported. Without the second, it listens on every network of a Linux machine.
     os.environ["RAY_USAGE_STATS_ENABLED"] = "0"

@@ -413,8 +413,7 @@ def program_digests(quick: bool) -> Digests:
 def learner_digests(quick: bool) -> Digests:
     """Yield digests of the weights after a very short training by the project's own PPO, on each task."""
     from cutenv.agents.learning.arguments import PPOArguments
-    from cutenv.agents.learning.on_policy import train
-    from cutenv.agents.learning.ppo import LEARNER
+    from cutenv.agents.learning.on_policy import ON_POLICY, train
 
     chosen = {
         "environments": 4, "rollout": 32, "batch_size": 64, "timesteps": 256 if quick else 1280, "validations": 1,
@@ -425,9 +424,9 @@ def learner_digests(quick: bool) -> Digests:
             own = {"task": task, "demonstrations": 400 if task == "gentle" else 0}  # the others start from a script
             arguments = PPOArguments(**PPOArguments.completed(own | chosen))
             with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-                train(LEARNER, arguments, Path(folder), False)
+                train(ON_POLICY["ppo"], arguments, Path(folder), False)
             for name in ("untrained", "policy", "checkpoint"):
-                model = LEARNER.algorithm.load(Path(folder) / f"{name}.zip", device="cpu")
+                model = ON_POLICY["ppo"].algorithm.load(Path(folder) / f"{name}.zip", device="cpu")
                 weights = {key: value.numpy() for key, value in model.policy.state_dict().items()}
                 yield f"{task}/{name}", digest(weights)
 

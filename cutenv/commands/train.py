@@ -181,15 +181,10 @@ def _run(learner: str, request: RunRequest[Any]) -> None:
 
 def _trial_learner(name: str) -> Any:
     """Return a learner that learns by trial."""
-    if name == "ppo":
-        from cutenv.agents.learning.ppo import LEARNER
-    elif name == "recurrent-ppo":
-        from cutenv.agents.learning.recurrent_ppo import LEARNER
-    else:
-        from cutenv.agents.learning.off_policy import OFF_POLICY
+    from cutenv.agents.learning.off_policy import OFF_POLICY
+    from cutenv.agents.learning.on_policy import ON_POLICY
 
-        return OFF_POLICY[name]
-    return LEARNER
+    return {**ON_POLICY, **OFF_POLICY}[name]
 
 
 def _program() -> str:

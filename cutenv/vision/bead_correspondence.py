@@ -27,33 +27,17 @@ def places_from_sweep(
 ) -> tuple[Array, Array]:
     """Find places of resting beads from views of a rotating C-arm.
 
-    The thesis rotated it by 90 degrees. Each image in the first view is a ray. Of all places on it within the region
-    the one is taken that most views show; its images there are then triangulated. No bead has to be followed from view
-    to view.
+    The thesis rotated it by 90 degrees. Each image in the first view, which shows every bead apart from the others, is
+    a ray. Of all places on it within the region, the lowest and highest coordinates [m], the one is taken that most
+    views show; its images there are then triangulated. No bead has to be followed from view to view. ``images``,
+    (n_view, 2), are undistorted [square px]; their distance from where a place shows them is taken for noise and errors
+    of the pose up to ``tolerance`` [px].
 
-    Parameters
-    ----------
-    projections : sequence of ndarray, shape (3, 4)
-        Views of the sweep, five or more; the first shows every bead apart from the others.
-    images : sequence of ndarray, shape (n_view, 2)
-        Undistorted places of the spots in each view [square px].
-    region : array_like, shape (2, 3)
-        Lowest and highest coordinates at which a bead may be [m].
-    tolerance : float
-        Distance of an image from where a place shows it, that is taken for noise and errors of the pose [px].
+    Return places [m], (n_first, 3), NaN where less than 60 % of the views agree on one, and their covariances with what
+    the views disagree [m²].
 
-    Returns
-    -------
-    place : ndarray, shape (n_first, 3)
-        Places [m] for each spot of the first view; NaN where less than 60 % of the views agree on one.
-    covariance : ndarray, shape (n_first, 3, 3)
-        Their covariances, with what the views disagree [m²].
-
-    Raises
-    ------
-    ValueError
-        If views are fewer than five, one shows no spot, or less than half of the beads are found: a view that is
-        turned or mirrored, or of another calibration.
+    Raises ValueError if views are fewer than five, one shows no spot, or less than half of the beads are found: a view
+    that is turned or mirrored, or of another calibration.
     """
     low, high = np.asarray(region, float)
     if len(projections) != len(images) or len(projections) < 5:
@@ -117,23 +101,11 @@ def pairs_by_epipolar(
 
     The images of a bead lie on each other's epipolar lines in every frame, at rest and on the way: beads that lie on
     one line by chance part when they move. A pair is taken if it is the best for both of its tracks together, and for
-    each of them twice as good as any other.
+    each of them twice as good as any other. Tracks, (frames, n, 2) and (frames, m, 2), are undistorted [square px], NaN
+    where a bead was not seen; the root of their mean squared distance from the line is at most ``tolerance`` [px].
 
-    Parameters
-    ----------
-    first, second : ndarray, shape (3, 4)
-        Projection matrices.
-    in_first, in_second : array_like, shape (frames, n, 2) and (frames, m, 2)
-        Tracks in either view, undistorted [square px]; NaN where a bead was not seen.
-    tolerance : float
-        Largest root of the mean squared distance from the epipolar line [px].
-
-    Returns
-    -------
-    pairs : ndarray of int64, shape (k, 2)
-        Numbers of the tracks in the first and second view.
-    doubtful : ndarray of int64, shape (l,)
-        Tracks of the first view that several of the second would fit, or none.
+    Return the numbers of paired tracks, (k, 2), and tracks of the first view that several of the second would fit, or
+    none.
     """
     a, b = np.asarray(in_first, float), np.asarray(in_second, float)
     if a.ndim != 3 or b.ndim != 3 or len(a) != len(b):
@@ -160,26 +132,13 @@ def bundle_adjusted(
 ) -> tuple[list[Array], Array]:
     """Adjust camera poses by bundle adjustment, keeping the first view.
 
-    The places of the beads are eliminated: for each trial of the poses they are triangulated anew.
+    The places of the beads are eliminated: for each trial of the poses they are triangulated anew. Arms come back to a
+    pose within about 10 mrad and 3 mm. Images of resting beads are those for `triangulate`.
 
-    Parameters
-    ----------
-    projections : sequence of ndarray, shape (3, 4)
-        Views as calibrated; arms come back to a pose within about 10 mrad and 3 mm.
-    images, covariances : array_like, shapes (views, n, 2) and (views, n, 2, 2)
-        Undistorted images of resting beads, as for `triangulate`.
+    Return adjusted projections, and turn [rad] and shift [m] of each view after the first about the middle of the
+    beads, (views - 1, 6).
 
-    Returns
-    -------
-    projections : list of ndarray
-        Adjusted.
-    changes : ndarray, shape (views - 1, 6)
-        Turn [rad] and shift [m] of each view after the first, about the middle of the beads.
-
-    Raises
-    ------
-    ValueError
-        If fewer than 12 beads are seen in two views.
+    Raises ValueError if fewer than 12 beads are seen in two views.
     """
     y, c = np.asarray(images, float), np.asarray(covariances, float)
     start, _, _ = triangulate(projections, y, c)
@@ -220,26 +179,13 @@ def bundle_adjusted(
 def linked(images: Sequence[Array], largest_step: float, *, memory: int = 3) -> Array:
     """Link spots of one view from frame to frame.
 
-    Links have the least total distance.
+    Links have the least total distance. ``images`` of each frame, (n_frame, 2), are undistorted [square px]; the
+    largest step from one to the next [px] is less than half the distance between beads; a spot may be hidden for
+    ``memory`` frames.
 
-    Parameters
-    ----------
-    images : sequence of ndarray, shape (n_frame, 2)
-        Undistorted places of the spots in each frame [square px].
-    largest_step : float
-        Longest way from one frame to the next [px]; less than half the distance between beads.
-    memory : int
-        Frames for which a spot may be hidden.
+    Return tracks, (frames, n, 2), that are seen in 30 % of the frames or more; NaN where they are not.
 
-    Returns
-    -------
-    ndarray, shape (frames, n, 2)
-        Tracks that are seen in 30 % of the frames or more; NaN where they are not.
-
-    Raises
-    ------
-    ValueError
-        If no frame shows a spot.
+    Raises ValueError if no frame shows a spot.
     """
     if not any(len(spots) for spots in images):
         raise ValueError("no frame shows a spot.")

@@ -33,23 +33,12 @@ class BeadLook:
     """Look of a bead in a view's attenuation image.
 
     Minus the logarithm of the grey value.
-
-    Parameters
-    ----------
-    diameter : float
-        Diameter [px].
-    sigma : float
-        Width of the Gaussian that fits it [px].
-    height : float
-        Its height [1].
-    noise : float
-        Standard deviation of what its fit leaves over in one pixel [1].
     """
 
-    diameter: float
-    sigma: float
-    height: float
-    noise: float
+    diameter: float  # diameter [px]
+    sigma: float  # width of the Gaussian that fits it [px]
+    height: float  # its height [1]
+    noise: float  # standard deviation of what its fit leaves over in one pixel [1]
 
 
 def attenuation(grey: Array) -> Array:
@@ -60,21 +49,8 @@ def attenuation(grey: Array) -> Array:
 def measure_beads(image: Array, expected: Array, look: BeadLook) -> tuple[Array, Array]:
     """Measure the places of beads near where they are expected.
 
-    Parameters
-    ----------
-    image : ndarray, shape (rows, columns)
-        Attenuation image (see `attenuation`).
-    expected : ndarray, shape (n, 2)
-        Where each bead is expected, within about two pixels [px].
-    look : BeadLook
-        How a bead looks.
-
-    Returns
-    -------
-    place : ndarray, shape (n, 2)
-        Places [px]; NaN where a bead is not to be seen: hidden, out of view, or too faint.
-    covariance : ndarray, shape (n, 2, 2)
-        Their covariances [px²].
+    In the `attenuation` image each is expected, (n, 2), within about two pixels [px]. Return places [px], NaN where a
+    bead is not to be seen, hidden, out of view or too faint, and their covariances [px²].
     """
     place = np.full((len(expected), 2), np.nan)
     covariance = np.full((len(expected), 2, 2), np.nan)
@@ -204,25 +180,10 @@ def groups_of(rest: Array) -> Indices:
 
 
 def shared_shifts(image: Array, expected: Array, rest: Array, groups: Indices, look: BeadLook) -> Array:
-    """Find the common shift of each group of beads.
+    """Find the common shift of each group of beads in an attenuation image.
 
-    Parameters
-    ----------
-    image : ndarray, shape (rows, columns)
-        Attenuation image.
-    expected : ndarray, shape (n, 2)
-        Where each bead is expected [px].
-    rest : ndarray, shape (n, 3)
-        Places at rest [m].
-    groups : ndarray of int, shape (n, k)
-        Beads that move like each (see `groups_of`).
-    look : BeadLook
-        How a bead looks.
-
-    Returns
-    -------
-    ndarray, shape (n, 2)
-        Shifts [px], zero where the group is where it is expected, or nowhere, or of fewer than 5.
+    They are ``expected``, (n, 2) [px], and lie at ``rest``, (n, 3) [m]. Return shifts, (n, 2) [px], zero where the
+    group is where it is expected, or nowhere, or of fewer than 5.
     """
     if groups.shape[1] < _SMALLEST:
         return np.zeros_like(expected)
@@ -285,21 +246,7 @@ def roundness(image: Array, look: BeadLook) -> Array:
 def measure_with_neighbours(image: Array, expected: Array, groups: Indices, look: BeadLook) -> tuple[Array, Array]:
     """Measure beads, and unseen ones again at their neighbours' shift.
 
-    Parameters
-    ----------
-    image : ndarray, shape (rows, columns)
-        Attenuation image.
-    expected : ndarray, shape (n, 2)
-        Where each bead is expected [px].
-    groups : ndarray of int, shape (n, k)
-        Beads that move like each.
-    look : BeadLook
-        How a bead looks.
-
-    Returns
-    -------
-    place, covariance : ndarray, shapes (n, 2) and (n, 2, 2)
-        As from `measure_beads`.
+    See `measure_beads`, and `groups_of` for the beads that move like each.
     """
     place, covariance = measure_beads(image, expected, look)
     for _ in range(_LOOKS):

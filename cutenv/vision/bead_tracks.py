@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +24,7 @@ from cutenv._base.validation import in_range
 from cutenv.records.measurement import ModulusEstimate, Segment
 from cutenv.sim.trace import Trace
 
-TRACKS_SCHEMA = "cutenv.bead_tracks/1"
-"""Name and version of the file's columns."""
+TRACKS_SCHEMA = "cutenv.bead_tracks/1"  # name and version of the file's columns
 TRACK_COLUMNS = ("bead", "time_s", "x_m", "y_m", "z_m", "xx_m2", "xy_m2", "xz_m2", "yy_m2", "yz_m2", "zz_m2")
 """Columns of the file: number of the bead, time, place in the specimen's frame, upper triangle of its covariance."""
 _KEY, _METADATA = b"cutenv_schema", b"cutenv_metadata"
@@ -94,13 +93,7 @@ class BeadTracks:
         if rows.size == 0:
             raise KeyError(f"there is no bead {bead}; there are {self.beads}.")
         rows = rows[np.argsort(self.time[rows])]
-        return BeadTracks(
-            bead=self.bead[rows],
-            time=self.time[rows],
-            place=self.place[rows],
-            covariance=self.covariance[rows],
-            metadata=self.metadata,
-        )
+        return replace(self, **{name: getattr(self, name)[rows] for name in ("bead", "time", "place", "covariance")})
 
     def save(self, path: Path | str) -> None:
         """Write the tracks as Parquet, with :data:`TRACK_COLUMNS`."""
@@ -151,38 +144,21 @@ class BeadTracks:
             raise ValueError(f"{path}: {error}") from None
 
 
-FEWEST_FRAMES = 5
-"""Smallest number of frames in which a bead must be seen during a ramp."""
+FEWEST_FRAMES = 5  # smallest number of frames in which a bead must be seen during a ramp
 
 _UNLOADED = 0.05  # share of the largest force below which the beads count as at rest
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RampLoad:
-    """Load at start and end of a loading ramp, shape (2,).
+    """Load at start and end of a loading ramp, shape (2,)."""
 
-    Attributes
-    ----------
-    tip : ndarray
-        Tip of the cut [m]; it grows while the blade loads it, if the loading ratio is below 1.
-    force : ndarray
-        Force less friction, on the ramp's line [N].
-    displacement : ndarray
-        Displacement of the tip, by which the blade leads it [m].
-    time : ndarray
-        Time [s].
-    stiffness : float
-        Force over displacement [N/m].
-    relative_error : float
-        Standard error of the stiffness over it [1], from the scatter about the ramp's line.
-    """
-
-    tip: Array
-    force: Array
-    displacement: Array
+    tip: Array  # tip of the cut [m]; it grows while the blade loads it, if the loading ratio is below 1
+    force: Array  # force less friction, on the ramp's line [N]
+    displacement: Array  # displacement of the tip, by which the blade leads it [m]
     time: Array
-    stiffness: float
-    relative_error: float
+    stiffness: float  # force over displacement [N/m]
+    relative_error: float  # standard error of the stiffness over it [1], from the scatter about the ramp's line
 
     @classmethod
     def of(cls, ramp: Segment, tip: float, relative_error: float, trace: Trace) -> RampLoad:
@@ -209,30 +185,15 @@ class BeadRises:
     """Displacements of beads over loading ramps.
 
     There is one row for each bead in each ramp.
-
-    Attributes
-    ----------
-    ramps : list of RampLoad
-        The steady ramps in which a bead was seen.
-    ramp, bead : ndarray of int64, shape (n,)
-        Number of the ramp in `ramps`, and of the bead.
-    place : ndarray, shape (n, 3)
-        Place of the bead before the cut [m].
-    rise : ndarray, shape (n, 3)
-        Displacement [m].
-    covariance : ndarray, shape (n, 3, 3)
-        Its covariance [m2].
-    flags : tuple of str
-        Remarks on what weakens it.
     """
 
-    ramps: list[RampLoad]
-    ramp: Indices
+    ramps: list[RampLoad]  # the steady ramps in which a bead was seen
+    ramp: Indices  # number of the ramp in `ramps`, and of the bead, shape (n,)
     bead: Indices
-    place: Array
-    rise: Array
-    covariance: Array
-    flags: tuple[str, ...] = ()
+    place: Array  # place of the bead before the cut [m], shape (n, 3)
+    rise: Array  # displacement [m], shape (n, 3)
+    covariance: Array  # its covariance [m2], shape (n, 3, 3)
+    flags: tuple[str, ...] = ()  # remarks on what weakens it
 
     def __len__(self) -> int:
         return len(self.bead)
@@ -246,28 +207,12 @@ class BeadRises:
 def bead_rises(tracks: BeadTracks, trace: Trace, moduli: ModulusEstimate) -> BeadRises:
     """Find each bead's displacement during every steady loading ramp.
 
-    Over a ramp the blade advances steadily, and force and beads follow. A line of the bead's places against the
-    blade's position gives the displacement from start to end; many frames make it much more accurate than two.
+    Over a ramp, a segment of ``moduli``, the blade advances steadily, and force and beads follow. A line of the bead's
+    places against the blade's position gives the displacement from start to end; many frames make it much more accurate
+    than two. Tracks are on the clock of the record, of the same cut, with position and the force in newtons.
 
-    Parameters
-    ----------
-    tracks : BeadTracks
-        Tracks on the clock of the record.
-    trace : Trace
-        Record of the same cut, with position; force in newtons.
-    moduli : ModulusEstimate
-        Its local effective moduli (:func:`~cutenv.records.measurement.estimate_local_effective_moduli`), whose segments
-        are the ramps.
-
-    Returns
-    -------
-    BeadRises
-
-    Raises
-    ------
-    ValueError
-        If there are no beads, a covariance is none, the times do not overlap, no ramp is steady, or no bead was seen
-        in one.
+    Raises ValueError if there are no beads, a covariance is none, the times do not overlap, no ramp is steady, or no
+    bead was seen in one.
     """
     if not tracks.beads:
         raise ValueError("the tracks hold no bead: nothing was tracked.")
@@ -304,15 +249,9 @@ def bead_rises(tracks: BeadTracks, trace: Trace, moduli: ModulusEstimate) -> Bea
             f"no bead was seen in {FEWEST_FRAMES} frames of one loading ramp: of the record's {len(loads)} ramps the "
             f"first runs from {loads[0].time[0]:.3g} to {loads[0].time[1]:.3g} s. Film faster, or cut more slowly."
         )
-    ramp, bead_of, rests, rise_of, covariance_of = zip(*rows, strict=True)
+    ramp, bead, rest, rise, covariance = map(np.array, zip(*rows, strict=True))
     return BeadRises(
-        ramps=loads,
-        ramp=np.array(ramp),
-        bead=np.array(bead_of),
-        place=np.array(rests),
-        rise=np.array(rise_of),
-        covariance=np.array(covariance_of),
-        flags=tuple(flags),
+        ramps=loads, ramp=ramp, bead=bead, place=rest, rise=rise, covariance=covariance, flags=tuple(flags)
     )
 
 
@@ -358,35 +297,19 @@ class SpecimenFrame:
     """Frame of the specimen.
 
     X across the cut line, y along it from the clamp, z up from the plate.
-
-    Parameters
-    ----------
-    origin : ndarray, shape (3,)
-        Where the cut line begins at the clamp, on the plate, in the frame of the calibration [m].
-    axes : ndarray, shape (3, 3)
-        Directions of x, y and z in the frame of the calibration, one in each row.
     """
 
-    origin: Array
-    axes: Array
+    origin: Array  # where the cut line begins at the clamp, on the plate, in the calibration's frame [m], shape (3,)
+    axes: Array  # directions of x, y and z in the frame of the calibration, one in each row, shape (3, 3)
 
     @classmethod
     def of_marks(cls, clamp: ArrayLike, cut_line: ArrayLike, up: ArrayLike) -> SpecimenFrame:
-        """Build the frame from marks triangulated in the images.
+        """Build the frame from marks triangulated in the images [m].
 
-        Parameters
-        ----------
-        clamp : array_like, shape (2, 3)
-            Two points of the clamp's edge, on the plate [m].
-        cut_line : array_like, shape (2, 3)
-            Two points of the cut line, the first nearer the clamp [m].
-        up : array_like, shape (3,)
-            A direction that points up from the plate, roughly.
+        They are two points of the clamp's edge, on the plate; two of the cut line, the first nearer the clamp; and a
+        direction that points up from the plate, roughly.
 
-        Raises
-        ------
-        ValueError
-            If points coincide, or the cut line is more than 20 degrees off the clamp's normal.
+        Raises ValueError if points coincide, or the cut line is more than 20 degrees off the clamp's normal.
         """
         edge, line = np.asarray(clamp, float), np.asarray(cut_line, float)
         if edge.shape != (2, 3) or line.shape != (2, 3) or not (np.isfinite(edge).all() and np.isfinite(line).all()):
@@ -408,13 +331,8 @@ class SpecimenFrame:
 
     def register(self, tracks: BeadTracks) -> BeadTracks:
         """Return tracks transformed from the calibration's into the specimen's frame."""
-        return BeadTracks(
-            bead=tracks.bead,
-            time=tracks.time,
-            place=(tracks.place - self.origin) @ self.axes.T,
-            covariance=self.axes @ tracks.covariance @ self.axes.T,
-            metadata=tracks.metadata,
-        )
+        place, covariance = (tracks.place - self.origin) @ self.axes.T, self.axes @ tracks.covariance @ self.axes.T
+        return replace(tracks, place=place, covariance=covariance)
 
 
 def clock_lag(
@@ -422,27 +340,14 @@ def clock_lag(
 ) -> tuple[float, float]:
     """Find the clock lag between video and force record.
 
-    Parameters
-    ----------
-    frame_time, motion : array_like, shape (n,)
-        Times of the frames on the video's clock [s], and how far the beads are displaced in each, in any unit: the mean
-        displacement along the cut of beads near the line.
-    record_time, force : array_like, shape (m,)
-        The force record [s], [N].
-    largest : float
-        Largest lag that is tried [s].
+    ``motion`` is how far the beads are displaced in each frame, in any unit: the mean displacement along the cut of
+    beads near the line. Times are in seconds; lags are tried up to ``largest``.
 
-    Returns
-    -------
-    lag : float
-        Add it to the video's times to get those of the record [s].
-    correlation : float
-        Correlation of the quick changes of motion and force there [1].
+    Return the lag, which is added to the video's times to get those of the record [s], and the correlation of the quick
+    changes of motion and force there [1].
 
-    Raises
-    ------
-    ValueError
-        If no lag makes them correlate by 0.6: it is the record of another cut, or the frame rate is wrong.
+    Raises ValueError if no lag makes them correlate by 0.6: it is the record of another cut, or the frame rate is
+    wrong.
     """
     t, u, when, f = (np.asarray(each, float).ravel() for each in (frame_time, motion, record_time, force))
     largest = in_range("largest", largest, 1e-3, 1e3, "s")

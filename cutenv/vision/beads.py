@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,30 +31,14 @@ class BeadFilter:
     """Kalman filter of every bead.
 
     A bead is where it rested, moved as the model predicts, with an offset that wanders.
-
-    Parameters
-    ----------
-    rest, variance : ndarray, shapes (n, 3) and (n, 3, 3)
-        Places at rest [m] and covariance of the places [m²].
-
-    Attributes
-    ----------
-    groups : ndarray of int, shape (n, k)
-        Beads that move like each, see `groups_of`.
-    predicted : ndarray, shape (n, 3)
-        Places that the model predicts for this frame [m].
-    offset : ndarray, shape (n, 3)
-        Place less that predicted [m].
-    refused : ndarray of bool, shape (n,)
-        Beads of which a view has refused the image in this frame.
     """
 
-    rest: Array
+    rest: Array  # places at rest [m] and covariance of the places [m²]
     variance: Array
-    groups: Indices = field(init=False)
-    predicted: Array = field(init=False)
-    offset: Array = field(init=False)
-    refused: NDArray[np.bool_] = field(init=False)
+    groups: Indices = field(init=False)  # beads that move like each, see `groups_of`, shape (n, k)
+    predicted: Array = field(init=False)  # places that the model predicts for this frame [m], shape (n, 3)
+    offset: Array = field(init=False)  # place less that predicted [m], shape (n, 3)
+    refused: NDArray[np.bool_] = field(init=False)  # whose image a view has refused in this frame, shape (n,)
 
     def __post_init__(self) -> None:
         self.groups = groups_of(self.rest)
@@ -95,10 +78,9 @@ class BeadFilter:
     def update(self, view: CArmView, measured: Array, error: Array, crowded: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Take in what one view shows, in undistorted pixels.
 
-        Return which beads it showed.
-
-        An image far from the prediction is a jump of the bead, or another bead. It is refused where another bead is
-        near in this view (``crowded``), and where it contradicts the view that has shown the bead in this frame.
+        Return which beads it showed. An image far from the prediction is a jump of the bead, or another bead. It is
+        refused where another bead is near in this view (``crowded``), and where it contradicts the view that has shown
+        the bead in this frame.
         """
         matrix = view.projection
         assert matrix is not None  # a calibration's views have one
@@ -180,30 +162,11 @@ _FEWEST = 0.5  # of the beads, to be seen in the first frame of each view
 
 
 def find_beads(image: ArrayLike, view: CArmView, diameter: float, *, least_snr: float = 4.0) -> tuple[Spots, Spots]:
-    """Find the beads of one frame.
+    """Find the beads of one frame, in its pixels and in undistorted square ones.
 
-    Parameters
-    ----------
-    image : array_like, shape (rows, columns)
-        Frame of the view.
-    view : CArmView
-        Its calibration.
-    diameter : float
-        Diameter of a bead in the image [px].
-    least_snr : float
-        Least contrast over the noise of one pixel [1].
+    Their diameter is in pixels of the image, their least contrast over the noise of one pixel.
 
-    Returns
-    -------
-    seen : Spots
-        In pixels of the frame.
-    ideal : Spots
-        The same beads in undistorted square pixels.
-
-    Raises
-    ------
-    ValueError
-        If the frame is none, of another camera, or shows no bead.
+    Raises ValueError if the frame is none, of another camera, or shows no bead.
     """
     seen = locate_spots(view.checked(image), diameter, dark=True, least_snr=least_snr)
     if len(seen) == 0:
@@ -249,39 +212,18 @@ def track_beads(
     image may be another bead's, is left out for that frame: the others, the neighbours' motion and the prediction
     bridge it, and the covariance says what that costs.
 
-    Parameters
-    ----------
-    frames : iterable of sequence of array_like
-        For each time one image of every view, in the order of the calibration.
-    time : array_like, shape (n,)
-        Times of the frames on the clock of the force record [s] (see `cutenv.vision.bead_tracks`).
-    calibration : CArmCalibration
-        Calibration of the views.
-    rest : tuple of array_like, shapes (n, 3) and (n, 3, 3)
-        Places of the beads in the first frame [m] and covariance [m²], from `places_from_sweep` or `triangulate`.
-        Rows that are not finite are beads without a place; they keep their number and get no rows.
-    diameter : float
-        Diameter of a bead in the images [px].
-    displacement : callable, optional
-        Displacement of resting places that a model predicts, 0 in the first frame. By default none.
-    wander : float
-        How far the offset from the prediction wanders in a second [m/√s].
-    largest_error : float
-        Standard error of a place beyond which it is left out of the result [m].
-    progress : callable, optional
-        Called with the number of frames done.
+    For each time, on the clock of the force record [s], ``frames`` have one image of every view, in the order of the
+    calibration. ``rest`` are places in the first frame [m] and covariances [m²], from `places_from_sweep` or
+    `triangulate`; rows that are not finite are beads without a place, which keep their number and get no rows.
+    ``diameter`` is that of a bead in the images [px]; ``displacement`` is what a model predicts, 0 in the first frame,
+    by default none; ``wander`` is how far the offset from it wanders in a second [m/√s]; ``largest_error`` the standard
+    error beyond which a place is left out [m]; ``progress`` is called with the number of frames done.
 
-    Returns
-    -------
-    BeadTracks
-        In the frame of the calibration. Its metadata tell which frames were left out and why, in how many frames each
-        bead has no place and why, and the share of frames in which each view did not show it.
+    The tracks are in the frame of the calibration. Their metadata tell which frames were left out and why, in how many
+    frames each bead has no place and why, and the share of frames in which each view did not show it.
 
-    Raises
-    ------
-    ValueError
-        If times do not go with the calibration's frame rate, there are no beads, or the first frame shows less than
-        half of them in a view: it is turned or mirrored, or the calibration is another.
+    Raises ValueError if times do not go with the calibration's frame rate, there are no beads, or the first frame shows
+    less than half of them in a view: it is turned or mirrored, or the calibration is another.
     """
     times = _checked_times(time, calibration)
     diameter = in_range("diameter", diameter, 2.0, 60.0, "px", "It is the diameter of a bead in the images.")
@@ -289,7 +231,7 @@ def track_beads(
     looks: list[BeadLook] = []
     hidden = np.zeros((len(calibration.views), len(known)))
     left_out: dict[str, str] = {}
-    rows: list[tuple[Indices, float, Array, Array]] = []
+    rows: list[tuple[Indices, Array, Array, Array]] = []
     reasons = (
         "its image may be another bead's",
         "no view shows it",
@@ -326,7 +268,8 @@ def track_beads(
             unplaced[reason] += ~shown & which
         unplaced[reasons[2]] += shown & ~certain
         shown &= certain
-        rows.append((known[shown], float(now), state.place[shown], state.variance[shown].copy()))
+        moments = np.full(int(shown.sum()), float(now))
+        rows.append((known[shown], moments, state.place[shown], state.variance[shown].copy()))
         if progress is not None:
             progress(done)
     if done == 0:
@@ -345,7 +288,8 @@ def track_beads(
         },
         "residuals": {view.name: dict(view.residuals) for view in calibration.views},
     }
-    return _tracks(rows, metadata)
+    bead, moment, place, covariance = map(np.concatenate, zip(*rows, strict=True))
+    return BeadTracks(bead=bead, time=moment, place=place, covariance=covariance, metadata=metadata)
 
 
 def _at_rest(rest: ArrayLike, rest_covariance: ArrayLike) -> tuple[Indices, BeadFilter]:
@@ -430,13 +374,3 @@ def _check_first(seen: NDArray[np.bool_], views: Sequence[CArmView]) -> None:
                 f"view {view.name!r} shows {shown.sum()} of {len(shown)} beads where the calibration and their places "
                 "expect them. Is it turned or mirrored, are the views in another order, or is the calibration another?"
             )
-
-
-def _tracks(rows: list[tuple[Any, ...]], metadata: dict[str, Any]) -> BeadTracks:
-    return BeadTracks(
-        bead=np.concatenate([bead for bead, *_ in rows]),
-        time=np.concatenate([np.full(len(bead), now) for bead, now, *_ in rows]),
-        place=np.concatenate([place for _, _, place, _ in rows]),
-        covariance=np.concatenate([covariance for *_, covariance in rows]),
-        metadata=metadata,
-    )

@@ -19,15 +19,11 @@ from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range
 from cutenv.vision.cameras import GreyImage
 
-LEAST_CONTRAST = 18.0
-"""Contrast of an edge that counts [grey values]."""
-EDGE_SIGMA = 1.2
-"""Standard deviation of the Gaussian whose derivative finds edges [px]."""
-REACH = 3.0
-"""Distance to either side of a known line within which its points are sought [px]."""
+LEAST_CONTRAST = 18.0  # contrast of an edge that counts [grey values]
+EDGE_SIGMA = 1.2  # standard deviation of the Gaussian whose derivative finds edges [px]
+REACH = 3.0  # distance to either side of a known line within which its points are sought [px]
 _ALONG = 2.0  # of the Gaussian along a line that is known roughly, before its points are sought [px]
-SATURATED = 250
-"""Grey value from which on the camera may have seen more."""
+SATURATED = 250  # grey value from which on the camera may have seen more
 _GLARE = 0.25  # share of saturated points about an edge from which on it is not trusted
 _ALIKE = 1.5  # standard error of a line over that of points with errors of their own; measured on rendered films [1]
 _CROOKED = 0.6  # root mean square distance of a line's points from which on it is no line [px]
@@ -42,26 +38,14 @@ class UnusableFrame(Exception):
 
 
 class Line(NamedTuple):
-    """Line ``a + b t`` fitted to an edge [px].
+    """Line ``a + b t`` fitted to an edge [px]."""
 
-    Attributes
-    ----------
-    a, b : float
-        Height at t = 0 [px], and slope.
-    middle : float
-        Mean place of its points [px].
-    sd, slope_sd : float
-        Standard errors of its height there [px], and of its slope.
-    spread : float
-        Standard deviation of the edge's spread [px].
-    """
-
-    a: float
+    a: float  # height at t = 0 [px], and slope
     b: float
-    middle: float = 0.0
-    sd: float = 0.0
+    middle: float = 0.0  # mean place of its points [px]
+    sd: float = 0.0  # standard errors of its height there [px], and of its slope
     slope_sd: float = 0.0
-    spread: float = 0.0
+    spread: float = 0.0  # standard deviation of the edge's spread [px]
 
     def sd_at(self, t: float) -> float:
         """Return the standard error of its height at t [px]."""
@@ -69,23 +53,13 @@ class Line(NamedTuple):
 
 
 class EdgePatch(NamedTuple):
-    """Piece of an image with an edge across its columns.
+    """Piece of an image with an edge across its columns."""
 
-    Attributes
-    ----------
-    slopes, values : ndarray, shape (rows, n)
-        Derivative along the rows' index, positive at the edge, and the grey values.
-    first, step : float
-        Place of row 0, and distance of two rows [px].
-    t : ndarray, shape (n,)
-        Places of the columns [px].
-    """
-
-    slopes: Array
+    slopes: Array  # derivative along the rows' index, positive at the edge, and the grey values, shape (rows, n)
     values: Array
-    first: float
+    first: float  # place of row 0, and distance of two rows [px]
     step: float
-    t: Array
+    t: Array  # places of the columns [px], shape (n,)
 
 
 def smooth_slopes(values: Array, sigma: float) -> Array:
@@ -130,19 +104,8 @@ def strongest_line(patch: EdgePatch, near: Array, tilts: Array) -> Line:
 def fitted_line(patch: EdgePatch, near: Line, name: str) -> Line:
     """Fit a line to an edge near a known one, without outliers.
 
-    Parameters
-    ----------
-    patch : EdgePatch
-        Piece of the image.
-    near : Line
-        Line near which the edge is.
-    name : str
-        Name of the edge, for the reason.
-
-    Raises
-    ------
-    UnusableFrame
-        If the edge is not seen on its whole length, in glare, of little contrast, or no straight line.
+    ``name`` is that of the edge, for the reason: raises UnusableFrame if it is not seen on its whole length, in glare,
+    of little contrast, or no straight line.
     """
     slopes, values, first, step, t = patch
     span = math.ceil(REACH / step)
@@ -193,29 +156,17 @@ _COARSE = 400  # width of the image in which the strip is looked for first [px]
 _RIVAL = 0.6  # contrast of a second strip, relative, from which on there are two
 
 
-TAGS = 50
-"""Number of tags of the dictionary, OpenCV's ``DICT_4X4_50``."""
+TAGS = 50  # number of tags of the dictionary, OpenCV's ``DICT_4X4_50``
 
 
 @dataclass(frozen=True, kw_only=True)
 class MarkedBlade:
-    """Blade with a transverse black strip or an ArUco tag.
+    """Blade with a transverse black strip or an ArUco tag."""
 
-    Parameters
-    ----------
-    total : float
-        Length from the mark's centre to the blade's end [m]; the thesis has 4.25 cm.
-    strip : float
-        Length of the strip along the blade, or side of the tag with its black border [m].
-    width : float
-        Width of the blade, across which the strip goes [m].
-    tag : int, optional
-        Number of the tag, of OpenCV's dictionary ``DICT_4X4_50``; its upper side is toward the holder. None: a strip.
-    """
-
-    total: float = 0.0425
-    strip: float = 0.004
-    width: float = 0.008
+    total: float = 0.0425  # length from the mark's centre to the blade's end [m]; the thesis has 4.25 cm
+    strip: float = 0.004  # length of the strip along the blade, or side of the tag with its black border [m]
+    width: float = 0.008  # width of the blade, across which the strip goes [m]
+    # number of the tag, of OpenCV's dictionary ``DICT_4X4_50``; its upper side is toward the holder. None: a strip
     tag: int | None = None
 
     def __post_init__(self) -> None:
@@ -257,10 +208,7 @@ def find_mark(image: GreyImage, blade: MarkedBlade, near: Neighbourhood | None =
     Centre and direction, which points down the blade, have shape (2,). The mark is looked for in the neighbourhood
     first, where it was in the frame before, say, and then in the whole image.
 
-    Raises
-    ------
-    UnusableFrame
-        If there is none, or more than one.
+    Raises UnusableFrame if there is none, or more than one.
     """
     find = _find_strip if blade.tag is None else _find_tag
     if near is not None:

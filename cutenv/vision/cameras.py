@@ -23,37 +23,21 @@ from cutenv._base.arrays import Array, Indices
 from cutenv._base.output import atomic_write
 from cutenv._base.validation import array_in_range, in_range, one_of
 
-GreyImage = NDArray[np.uint8]
-"""Grey values, shape (height, width)."""
-CAMERAS_SCHEMA = "cutenv-cameras/1"
-"""Name and version of the file."""
+GreyImage = NDArray[np.uint8]  # grey values, shape (height, width)
+CAMERAS_SCHEMA = "cutenv-cameras/1"  # name and version of the file
 _COEFFICIENTS = 5  # Brown and Conrady: k1, k2, p1, p2, k3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Camera:
-    """One camera with its lens.
+    """One camera with its lens."""
 
-    Parameters
-    ----------
-    width, height : int
-        Size of its images [px].
-    matrix : array, shape (3, 3)
-        Focal lengths and principal point [px].
-    distortion : array, shape (5,)
-        Coefficients k1, k2, p1, p2, k3 of Brown and Conrady, as OpenCV has them.
-    residual : float
-        Root mean square distance of the board's points from where the model puts them [px].
-    boards : int
-        Number of images of the board from which it was calibrated.
-    """
-
-    width: int
+    width: int  # size of its images [px]
     height: int
-    matrix: Array
-    distortion: Array
-    residual: float
-    boards: int
+    matrix: Array  # focal lengths and principal point [px], shape (3, 3)
+    distortion: Array  # coefficients k1, k2, p1, p2, k3 of Brown and Conrady, as OpenCV has them, shape (5,)
+    residual: float  # root mean square distance of the board's points from where the model puts them [px]
+    boards: int  # number of images of the board from which it was calibrated
 
     def __post_init__(self) -> None:
         for name in ("width", "height"):
@@ -89,9 +73,8 @@ class Camera:
 class Pose:
     """Rotation, shape (3, 3), and translation, shape (3,) [m].
 
-    A point p there is at ``rotation @ p + translation``.
-
-    ``residual`` tells how well it was measured, as :attr:`Camera.residual` [px].
+    A point p there is at ``rotation @ p + translation``. ``residual`` tells how well it was measured, as
+    :attr:`Camera.residual` [px].
     """
 
     rotation: Array
@@ -110,28 +93,15 @@ class Pose:
 class CalibratedCameras:
     """Calibration of the camera or stereo pair for a cut.
 
-    Parameters
-    ----------
-    cameras : tuple of Camera
-        One, or two of the same size: first the left one, whose half of the image is on the left.
-    second : Pose, optional
-        From the first camera's frame to the second's; needed for two.
-    plane : Pose, optional
-        From a board that stood in the plane of the cut (its points have z = 0) to the first camera's frame; needed for
-        one camera.
-    about : mapping
-        What else is known, as JSON: the board, residuals by image.
-
-    Raises
-    ------
-    ValueError
-        If neither a second camera nor a plane is there, or the sizes of two cameras differ.
+    Raises ValueError if neither a second camera nor a plane is there, or the sizes of two cameras differ.
     """
 
-    cameras: tuple[Camera, ...]
-    second: Pose | None = None
+    cameras: tuple[Camera, ...]  # one, or two of the same size, of which the first is on the left of the image
+    second: Pose | None = None  # from the first camera's frame to the second's; needed for two
+    # from a board that stood in the plane of the cut (its points have z = 0) to the first camera's frame; needed for
+    # one camera
     plane: Pose | None = None
-    about: Mapping[str, Any] = field(default_factory=dict)
+    about: Mapping[str, Any] = field(default_factory=dict)  # what else is known, as JSON: the board, residuals by image
 
     def __post_init__(self) -> None:
         if len(self.cameras) not in (1, 2) or (len(self.cameras) == 2) != (self.second is not None):
@@ -176,10 +146,7 @@ class CalibratedCameras:
     def load(cls, path: Path | str) -> CalibratedCameras:
         """Read the file.
 
-        Raises
-        ------
-        ValueError
-            If it is no such file, or is damaged; names the file and the field.
+        Raises ValueError if it is no such file, or is damaged; names the file and the field.
         """
         try:
             content = json.loads(Path(path).read_text(encoding="utf-8"))
@@ -217,8 +184,7 @@ def _plain(value: Camera | Pose) -> dict[str, Any]:
     return {name: each.tolist() if isinstance(each, np.ndarray) else each for name, each in vars(value).items()}
 
 
-BOARD_KINDS = ("chessboard", "circles", "charuco")
-"""Boards that are known; circles stand in a square grid."""
+BOARD_KINDS = ("chessboard", "circles", "charuco")  # boards that are known; circles stand in a square grid
 _TAGS = 1000  # of the dictionary of ChArUco boards
 _FEWEST_POINTS = 12  # of a ChArUco board, parts of which may be hidden
 
@@ -277,9 +243,7 @@ class CalibrationBoard:
     def find(self, image: GreyImage) -> BoardPoints | None:
         """Return its points in a grey image.
 
-        It is None if it is not there, or too little of it.
-
-        Of a ChArUco board those that are seen, of others all.
+        It is None if it is not there, or too little of it. Of a ChArUco board those that are seen, of others all.
         """
         size = (self.columns, self.rows)
         if self.kind == "charuco":
@@ -309,10 +273,7 @@ def _charuco(board: CalibrationBoard) -> tuple[cv2.aruco.CharucoBoard, cv2.aruco
 def read_image(path: Path | str) -> GreyImage:
     """Read an image as grey values, shape (height, width).
 
-    Raises
-    ------
-    ValueError
-        If the file is no image.
+    Raises ValueError if the file is no image.
     """
     raw = np.frombuffer(Path(path).read_bytes(), np.uint8)
     try:
@@ -330,12 +291,9 @@ def halves(image: GreyImage) -> tuple[GreyImage, GreyImage]:
     return np.ascontiguousarray(image[:, :middle]), np.ascontiguousarray(image[:, middle : 2 * middle])
 
 
-FEWEST_BOARDS = 8
-"""Least number of images in which the board has to be found."""
-LARGEST_RESIDUAL = 0.5
-"""Largest root mean square residual of a calibration [px]."""
-LARGEST_IMAGE_RESIDUAL = 1.0
-"""Largest root mean square residual of a single image [px]."""
+FEWEST_BOARDS = 8  # least number of images in which the board has to be found
+LARGEST_RESIDUAL = 0.5  # largest root mean square residual of a calibration [px]
+LARGEST_IMAGE_RESIDUAL = 1.0  # largest root mean square residual of a single image [px]
 _FEWEST_SHARED = 12  # points that both cameras of a pair see in an image
 _LEAST_TILT_DEG = 15.0  # between the first board and the one that faces another way most
 _FOCAL_SD = 0.01  # largest standard error of the focal length, relative: boards that are all alike do not determine it
@@ -350,22 +308,12 @@ def calibrate_cameras(
 ) -> CalibratedCameras:
     """Calibrate one camera, or a pair, from images of a board.
 
-    Parameters
-    ----------
-    images : iterable of (str, ndarray of uint8, shape (height, width))
-        Name and grey values of each; of a pair, both images side by side. The board is tilted another way in each.
-    board : CalibrationBoard
-        Board that they show.
-    stereo : bool
-        Whether each image holds those of two cameras.
-    plane : (str, ndarray), optional
-        Image in which the board stands in the plane of the cut; needed for one camera. It may be one of the others.
+    The board is tilted another way in each, an image by its name; of a pair, ``stereo``, both images stand side by
+    side. In that of the ``plane``, which may be one of the others, the board stands in the plane of the cut; one camera
+    needs it.
 
-    Raises
-    ------
-    ValueError
-        If the board is found in fewer than :data:`FEWEST_BOARDS` images, the sizes differ, a residual is too large
-        (names the image), or the boards are too much alike to determine the focal length.
+    Raises ValueError if the board is found in fewer than :data:`FEWEST_BOARDS` images, the sizes differ, a residual is
+    too large (names the image), or the boards are too much alike to determine the focal length.
     """
     found: dict[str, tuple[BoardPoints, ...]] = {}
     missed: list[str] = []

@@ -30,10 +30,8 @@ from cutenv.vision.cameras import GreyImage, angle_between
 from cutenv.vision.film_source import VideoFrame
 from cutenv.vision.marked_blade import BladeInSpace, BladeInView, DepthFrame
 
-TRAVELS = ("right", "left")
-"""Ways in which the blade can go in the images when it cuts."""
-FEWEST_FILMED = 10
-"""Least number of usable frames."""
+TRAVELS = ("right", "left")  # ways in which the blade can go in the images when it cuts
+FEWEST_FILMED = 10  # least number of usable frames
 _SHORTEST_TRAVEL = 5e-3  # of the blade, from which its direction and the time are known [m]
 _LARGEST_MISFIT = 1e-3  # root mean square between the blade's motion in film and record [m]
 _SCALE_ERROR = 0.05  # between the travel in film and record
@@ -48,52 +46,26 @@ _JUMP_SD, _JUMP = 5.0, 0.7e-3  # from the neighbours' line on which a frame is l
 
 @dataclass(frozen=True, kw_only=True)
 class FilmAlignment:
-    """Alignment of a film with a record in time and place.
+    """Alignment of a film with a record in time and place."""
 
-    Attributes
-    ----------
-    lag, lag_sd : float
-        Time on the record's clock at the film's time 0, and its standard error [s].
-    misfit : float
-        Root mean square distance between the blade's motion in film and record [m].
-    angle : float
-        Angle between the blade and its travel, from the images [rad].
-    """
-
-    lag: float
+    lag: float  # time on the record's clock at the film's time 0, and its standard error [s]
     lag_sd: float
-    misfit: float
-    angle: float
+    misfit: float  # root mean square distance between the blade's motion in film and record [m]
+    angle: float  # angle between the blade and its travel, from the images [rad]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FilmedDepth:
-    """Depth of cut in the usable frames, on the record's clock.
+    """Depth of cut in the usable frames, on the record's clock."""
 
-    Attributes
-    ----------
-    time : array, shape (n,)
-        Time of each usable frame on the record's clock [s].
-    along, along_sd : array, shape (n,)
-        Length of the blade in the tissue, along the blade, and its standard error [m].
-    vertical, vertical_sd : array, shape (n,)
-        Depth of cut, at right angles to the travel, and its standard error [m]: along times the sine of the angle.
-    sd : float
-        Standard deviation of the depth of a frame: from the frames' standard errors, or their scatter if it is larger.
-    frames : tuple of DepthFrame
-        All frames; what is left out has its reason.
-    alignment : FilmAlignment
-        How the film lies on the record.
-    """
-
-    time: Array
-    along: Array
+    time: Array  # time of each usable frame on the record's clock [s], shape (n,)
+    along: Array  # length of the blade in the tissue, along the blade, and its standard error [m], shape (n,)
     along_sd: Array
-    vertical: Array
+    vertical: Array  # depth of cut, at right angles to the travel, and its standard error [m], shape (n,)
     vertical_sd: Array
-    sd: float
-    frames: tuple[DepthFrame, ...]
-    alignment: FilmAlignment
+    sd: float  # of the depth of a frame [m]: by the frames' standard errors, or their scatter if it is larger
+    frames: tuple[DepthFrame, ...]  # all frames; what is left out has its reason
+    alignment: FilmAlignment  # how the film lies on the record
 
     @property
     def left_out(self) -> dict[str, int]:
@@ -114,24 +86,13 @@ class FilmedDepth:
 def filmed_depth(
     frames: Sequence[DepthFrame], trace: Trace, blade: MarkedBlade, *, travel: str = "right"
 ) -> FilmedDepth:
-    """Align filmed frames with a record; return the depth of cut.
+    """Align all frames of a film with a record; return the depth of cut.
 
-    Parameters
-    ----------
-    frames : sequence of DepthFrame
-        All frames of the film in order of time.
-    trace : Trace
-        Record with position, and angle if the rig knows it.
-    blade : MarkedBlade
-        Blade in the film.
-    travel : {"right", "left"}
-        Way in which the blade goes in the images when its position grows; tells mirrored and turned images.
+    The record has the position, and the angle if the rig knows it. ``travel`` is the way, right or left, in which the
+    blade goes in the images when its position grows; it tells mirrored and turned images.
 
-    Raises
-    ------
-    ValueError
-        If fewer than :data:`FEWEST_FILMED` are usable, the record lacks position, its motion or angle is not that of
-        the film, or the blade moves far without a usable frame.
+    Raises ValueError if fewer than :data:`FEWEST_FILMED` are usable, the record lacks position, its motion or angle is
+    not that of the film, or the blade moves far without a usable frame.
     """
     one_of("travel", travel, TRAVELS)
     (position,) = trace.require("position", by="depth")
@@ -313,18 +274,11 @@ class SeenRun(NamedTuple):
     """One run of the crack.
 
     Middle and length of the time between the frames before and after it, and the step back.
-
-    Attributes
-    ----------
-    time, interval : float
-        On the record's clock [s].
-    step_back : float
-        Distance by which the tissue beside the blade fell behind the pace at which the blade carries it [m]: a median.
     """
 
-    time: float
+    time: float  # on the record's clock [s]
     interval: float
-    step_back: float
+    step_back: float  # by which the tissue beside the blade fell behind the pace of the blade [m]: a median
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -332,20 +286,11 @@ class RunsAndDrops:
     """Runs of the crack, and sudden drops of the force.
 
     Each belongs to one of the others at most.
-
-    Attributes
-    ----------
-    runs : tuple of SeenRun
-        Runs in order of time.
-    drops : tuple of float
-        Times of the drops [s].
-    pairs : tuple of (int, int)
-        Run and drop that happened at the same time, by their numbers.
     """
 
-    runs: tuple[SeenRun, ...]
-    drops: tuple[float, ...]
-    pairs: tuple[tuple[int, int], ...]
+    runs: tuple[SeenRun, ...]  # runs in order of time
+    drops: tuple[float, ...]  # times of the drops [s]
+    pairs: tuple[tuple[int, int], ...]  # run and drop that happened at the same time, by their numbers
 
     @property
     def f1(self) -> float:
@@ -363,25 +308,11 @@ class _Seen(NamedTuple):
 def seen_runs(frames: Iterable[VideoFrame], filmed: FilmedDepth, trace: Trace, width: int) -> tuple[SeenRun, ...]:
     """Find the runs of the crack in a film.
 
-    Points on the tissue beside the blade are followed from one usable frame to the next. Where their median goes back,
-    by more than the blade itself does and clearly against the pace before and after, the crack has run. Two such steps
-    in a row are one run.
+    Points on the tissue beside the blade are followed from one usable frame to the next, in the first camera's image of
+    this width [px]. Where their median goes back, by more than the blade itself does and clearly against the pace
+    before and after, the crack has run. Two such steps in a row are one run.
 
-    Parameters
-    ----------
-    frames : iterable of VideoFrame
-        All frames of the film in order of time.
-    filmed : FilmedDepth
-        Depth of the same film.
-    trace : Trace
-        Record of the same cut, with position.
-    width : int
-        Width of the first camera's image [px].
-
-    Raises
-    ------
-    ValueError
-        If the record has no position.
+    Raises ValueError if the record has no position.
     """
     (position,) = trace.require("position", by="seen_runs")
     views = {frame.number: frame.blade.view for frame in filmed.frames if frame.blade is not None}

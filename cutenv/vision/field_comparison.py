@@ -29,24 +29,13 @@ from cutenv.vision.bead_tracks import BeadRises, BeadTracks, RampLoad, bead_rise
 class SlabModel:
     """Finite-element model of one slab, with its depth of cut.
 
-    Parameters
-    ----------
-    model : CutModel
-        Elements, formulation, size and lines; of a uniform modulus.
-    depth : DepthProfile
-        Depth of cut along the line.
-    thickness : float, optional
-        Thickness of the slab [m], 0.1 mm to 0.5 m. By default the slab is cut through: everywhere as thick as the cut
-        is deep. Bricks have the thickness of the model.
-
-    Raises
-    ------
-    ValueError
-        If the thickness is out of range.
+    Raises ValueError if the thickness is out of range.
     """
 
-    model: CutModel
-    depth: DepthProfile
+    model: CutModel  # elements, formulation, size and lines; of a uniform modulus
+    depth: DepthProfile  # depth of cut along the line
+    # thickness of the slab [m], 0.1 mm to 0.5 m. By default the slab is cut through: everywhere as thick as the cut is
+    # deep. Bricks have the thickness of the model
     thickness: float | None = None
 
     def __post_init__(self) -> None:
@@ -103,8 +92,7 @@ class SlabModel:
         return np.asarray(((points >= nodes.min(axis=0)) & (points <= nodes.max(axis=0))).all(axis=1))
 
 
-MODEL_ERROR = 0.03
-"""Error of the model as a share of a displacement, or of a stiffness [1]."""
+MODEL_ERROR = 0.03  # error of the model as a share of a displacement, or of a stiffness [1]
 
 _LEVEL = 0.95
 _LEAST_SD = 1e-6  # of a displacement [m]
@@ -113,26 +101,14 @@ _CLEAR = 3.0  # standard errors by which a compliance must differ from zero
 _FIRST_TIP = 0.01  # [m] from the clamp: nearer to it the field of a force is too small to tell a modulus
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class ImageModuli:
-    """Moduli by beads of one cut; arrays of shape (n_ramps,).
-
-    Attributes
-    ----------
-    ramp : ndarray of int64
-        Number of the ramp.
-    position : ndarray
-        Tip [m].
-    modulus : ndarray
-        Modulus of the material [Pa] with which the ramp's force moves the model's points as the beads moved.
-    standard_error : ndarray
-        Its standard error [Pa], from the scatter of the beads.
-    """
+    """Moduli by beads of one cut; arrays of shape (n_ramps,)."""
 
     ramp: Indices
-    position: Array
-    modulus: Array
-    standard_error: Array
+    position: Array  # tip [m]
+    modulus: Array  # of the material [Pa], with which the ramp's force moves the model as the beads moved
+    standard_error: Array  # its standard error [Pa], from the scatter of the beads
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -216,8 +192,7 @@ class FilmedMeasurement:
             raise ValueError(
                 "no ramp tells a modulus by its beads: 3 of them must be seen to move, the tip 1 cm from the clamp."
             )
-        ramp, position, modulus, error = (np.array(values) for values in zip(*found, strict=True))
-        return ImageModuli(ramp=ramp, position=position, modulus=modulus, standard_error=error)
+        return ImageModuli(*map(np.array, zip(*found, strict=True)))
 
 
 def weights_of(rises: BeadRises, dim: int) -> Array:
@@ -260,10 +235,6 @@ def measure_filmed_cut(
     thickness : float, optional
         Thickness of the slab [m]; by default it is cut through.
 
-    Returns
-    -------
-    FilmedMeasurement
-
     Raises
     ------
     ValueError
@@ -286,39 +257,25 @@ def measure_filmed_cut(
     return FilmedMeasurement(slab=slab, moduli=moduli, rises=rises.select(inside, *flags))
 
 
-NEAR = 0.02
-"""Distance from the cut line up to which a bead counts as near [m]."""
+NEAR = 0.02  # distance from the cut line up to which a bead counts as near [m]
 
 _LEAST_CORRELATION = 0.5
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class BeadRow:
     """One bead, as in Table 7.1.
 
     Means over the ramps; lengths in metres.
-
-    Attributes
-    ----------
-    bead : int
-        Its number.
-    across, along : float
-        Place before the cut: from the cut line, and from the clamp [m].
-    ramps : int
-        Number of ramps in which it was seen.
-    computed, measured : float
-        Mean size of its displacement by the model, and as tracked [m].
-    rms : float
-        Root mean square of the difference of both, as vectors [m].
     """
 
     bead: int
-    across: float
+    across: float  # place before the cut: from the cut line, and from the clamp [m]
     along: float
-    ramps: int
-    computed: float
+    ramps: int  # number of ramps in which it was seen
+    computed: float  # mean size of its displacement by the model, and as tracked [m]
     measured: float
-    rms: float
+    rms: float  # root mean square of the difference of both, as vectors [m]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -387,17 +344,8 @@ class FieldComparison:
                 continue
             across, along = self.rises.place[own][0, :2]
             computed, measured = (np.linalg.norm(u[own], axis=1).mean() for u in (self.computed, self.measured))
-            rows.append(
-                BeadRow(
-                    bead=int(bead),
-                    across=float(across),
-                    along=float(along),
-                    ramps=int(own.sum()),
-                    computed=float(computed),
-                    measured=float(measured),
-                    rms=self.rms(own),
-                )
-            )
+            place, size = (float(across), float(along)), (float(computed), float(measured))
+            rows.append(BeadRow(int(bead), *place, int(own.sum()), *size, self.rms(own)))
         return rows
 
 
@@ -444,10 +392,6 @@ def compare_displacements(
         See :func:`measure_filmed_cut`.
     zones : tuple of array_like
         Borders and moduli of zones along the cut, as `zones_as_measured` returns them; by default one zone.
-
-    Returns
-    -------
-    FieldComparison
 
     Raises
     ------
@@ -550,10 +494,6 @@ def estimate_zone_moduli(
         Standard deviation of log E about the prior [1], 0.01 to 5.
     data : {"both", "beads", "force"}
         Data that are used; to see what each tells alone.
-
-    Returns
-    -------
-    ZoneModuli
 
     Raises
     ------

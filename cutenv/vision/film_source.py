@@ -54,22 +54,11 @@ def video_frames(
 ) -> Iterator[VideoFrame]:
     """Read a video frame by frame, trimmed and turned as shown.
 
-    Parameters
-    ----------
-    path : path
-        Any format that FFmpeg reads.
-    size : (int, int), optional
-        Width and height that the frames must have when turned [px].
-    rate : float, optional
-        Frames a second [Hz], in place of the times that the file holds.
+    It has any format that FFmpeg reads, and must have the width and height ``size`` when turned [px]; ``rate`` [Hz]
+    stands in place of the times that the file holds.
 
-    Raises
-    ------
-    ValueError
-        If it is no video, has another size, ends early, or its times do not increase; at the end, for what is only
-        seen there. The frames before were given.
-    FileNotFoundError
-        If there is no such file.
+    Raises ValueError if it is no video, has another size, ends early, or its times do not increase; at the end, for
+    what is only seen there, when the frames before were given. Raises FileNotFoundError if there is no such file.
     """
     with _opened(path) as container:
         facts = _facts(path, container)
@@ -222,10 +211,8 @@ def newest_frames(camera: CameraDriver, size: tuple[int, int]) -> Iterator[Video
 
     Frames that nobody waits for are lost.
 
-    Raises
-    ------
-    OSError
-        If the camera ends, sends nothing for seconds, or sends frames that are not of this width and height [px].
+    Raises OSError if the camera ends, sends nothing for seconds, or sends frames that are not of this width and height
+    [px].
     """
     changed, number, why = threading.Condition(), 0, ""
     newest: list[tuple[float, GreyImage]] = []

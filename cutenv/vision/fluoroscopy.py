@@ -12,7 +12,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -46,26 +46,12 @@ _FOLDS = 5
 class Distortion:
     """Distortion of one view.
 
-    Parameters
-    ----------
-    model : str
-        One of `DISTORTION_MODELS`.
-    centre : tuple of float
-        Centre of the distortion [square px].
-    scale : float
-        Radius that counts as 1 in polynomials [px]; 1 in the thesis's quadratics.
-    coefficients : tuple of float
-        Numbers of the model.
-
-    Raises
-    ------
-    ValueError
-        If the model is not known, or has another number of coefficients, or a number is not finite.
+    Raises ValueError if the model is not known, or has another number of coefficients, or a number is not finite.
     """
 
-    model: str
-    centre: tuple[float, float]
-    scale: float
+    model: str  # one of `DISTORTION_MODELS`
+    centre: tuple[float, float]  # centre of the distortion [square px]
+    scale: float  # radius that counts as 1 in polynomials [px]; 1 in the thesis's quadratics
     coefficients: tuple[float, ...]
 
     def __post_init__(self) -> None:
@@ -138,24 +124,12 @@ def _basis(model: str, q: Array) -> Array:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FittedDistortion:
-    """A distortion with the grid that it was fitted to.
-
-    Parameters
-    ----------
-    distortion : Distortion
-        The distortion.
-    spacing : float
-        Spacing of the grid at the centre [square px].
-    residual : ndarray, shape (n, 2)
-        Undistorted hole minus its place in an ideal grid [square px].
-    cross_validated : dict
-        RMS residual of holes that were left out of the fit, by model [px].
-    """
+    """A distortion with the grid that it was fitted to."""
 
     distortion: Distortion
-    spacing: float
-    residual: Array
-    cross_validated: dict[str, float]
+    spacing: float  # spacing of the grid at the centre [square px]
+    residual: Array  # undistorted hole minus its place in an ideal grid [square px], shape (n, 2)
+    cross_validated: dict[str, float]  # RMS residual of holes that were left out of the fit, by model [px]
 
     @property
     def rms(self) -> float:
@@ -168,23 +142,11 @@ def fit_distortion(
 ) -> FittedDistortion:
     """Fit a distortion to the holes of a square grid.
 
-    Parameters
-    ----------
-    place : array_like, shape (n, 2)
-        Places of the holes in the image [square px].
-    index : array_like of int, shape (n, 2)
-        Columns and rows of the holes in the grid.
-    model : str, optional
-        One of `DISTORTION_MODELS`. By default that of `models` which best predicts holes left out (five folds).
-    models : sequence of str, optional
-        Candidates; by default all but the thesis's error that is not zero at the centre.
-    seed : int
-        Seed of the division into folds.
+    ``place`` are those in the image [square px], ``index`` columns and rows in the grid, (n, 2) each. The model is by
+    default that of ``models``, all but the thesis's error that is not zero at the centre, which best predicts holes
+    left out (five folds, divided by the seed).
 
-    Raises
-    ------
-    ValueError
-        If there are too few holes for the model, or they lie on one line.
+    Raises ValueError if there are too few holes for the model, or they lie on one line.
     """
     points, cells = np.asarray(place, float), np.asarray(index, float)
     if points.shape != cells.shape or points.ndim != 2 or points.shape[1] != 2:
@@ -306,14 +268,11 @@ def _central_spacing(points: Array, cells: Array, middle: Array) -> float:
     return float(np.hypot(grid[0], grid[1]))
 
 
-CARM_SCHEMA = "cutenv.carm/1"
-"""Name and version of the calibration file."""
+CARM_SCHEMA = "cutenv.carm/1"  # name and version of the calibration file
 NTSC_ASPECT = 10.0 / 11.0
 """Width of a pixel over its height in NTSC video of 720 x 480 [1]; the thesis does not mention it."""
-NTSC_RATE = 30000.0 / 1001.0
-"""Frames a second of NTSC video, printed as 29.97 [1/s]."""
-LARGEST_GRID_RESIDUAL = 0.5
-"""RMS residual of the grid above which a calibration is refused [px]."""
+NTSC_RATE = 30000.0 / 1001.0  # frames a second of NTSC video, printed as 29.97 [1/s]
+LARGEST_GRID_RESIDUAL = 0.5  # RMS residual of the grid above which a calibration is refused [px]
 
 
 _ROUNDS, _SETTLED = 60, 1e-3  # of finding where a place is seen [px]
@@ -324,28 +283,14 @@ class CArmView:
     """One X-ray view.
 
     It leads from pixels of its frames to undistorted square pixels, and from space to these.
-
-    Parameters
-    ----------
-    name : str
-        Name of the view, such as "top".
-    shape : tuple of int
-        Rows and columns of a frame.
-    aspect : float
-        Width of a pixel over its height [1].
-    distortion : Distortion
-        Distortion, in square pixels.
-    projection : ndarray, shape (3, 4), optional
-        From the frame of the calibration [m] to undistorted square pixels; None before `with_projection`.
-    residuals : mapping of str to float
-        What the calibration left over: ``grid_px``, ``phantom_px``, and others.
     """
 
-    name: str
-    shape: tuple[int, int]
-    aspect: float
-    distortion: Distortion
-    projection: Array | None = None
+    name: str  # name of the view, such as "top"
+    shape: tuple[int, int]  # rows and columns of a frame
+    aspect: float  # width of a pixel over its height [1]
+    distortion: Distortion  # distortion, in square pixels
+    projection: Array | None = None  # (3, 4), from the frame of the calibration [m] to undistorted square pixels
+    # what the calibration left over: ``grid_px``, ``phantom_px``, and others
     residuals: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -393,20 +338,11 @@ class CArmView:
     def with_projection(self, points: ArrayLike, pixels: ArrayLike) -> CArmView:
         """Return this view with its geometry found from a phantom.
 
-        Parameters
-        ----------
-        points : array_like, shape (n, 3)
-            Known places [m], 8 or more, not in one plane.
-        pixels : array_like, shape (n, 2)
-            Their places in a frame [px].
+        The known places [m], 8 or more and not in one plane, are seen at these pixels of a frame.
         """
         projection, residual = fit_projection(points, self.undistort(pixels))
         rms = float(np.sqrt((residual**2).sum(axis=1).mean()))
-        return CArmView(
-            **{name: getattr(self, name) for name in ("name", "shape", "aspect", "distortion")},
-            projection=projection,
-            residuals={**self.residuals, "phantom_px": rms},
-        )
+        return replace(self, projection=projection, residuals={**self.residuals, "phantom_px": rms})
 
 
 def calibrate_view(
@@ -421,36 +357,13 @@ def calibrate_view(
 ) -> tuple[CArmView, FittedDistortion, GridHoles]:
     """Find a view's distortion from a calibration grid's image.
 
-    Parameters
-    ----------
-    image : array_like, shape (rows, columns)
-        Frame with the grid.
-    hole_diameter : float
-        Diameter of a hole in it [px].
-    name : str
-        Name of the view.
-    aspect : float
-        Width of a pixel over its height [1].
-    model : str, optional
-        Model of the distortion; by default chosen by cross-validation (`cutenv.vision.fluoroscopy`).
-    dark : bool, optional
-        Whether holes are darker than the plate; by default found.
-    largest_residual : float
-        RMS residual above which the image is refused [px].
+    A hole's diameter and the largest residual are in pixels of it, ``aspect`` is a pixel's width over its height. By
+    default the model is chosen by cross-validation (`cutenv.vision.fluoroscopy`), and whether holes are darker than the
+    plate is found.
 
-    Returns
-    -------
-    view : CArmView
-        Without a geometry; `CArmView.with_projection` gives it one.
-    fitted : FittedDistortion
-        The fit with its residuals.
-    holes : GridHoles
-        What was found in the image.
+    Return the view, to which `CArmView.with_projection` gives a geometry, the fit with its residuals, and the holes.
 
-    Raises
-    ------
-    CalibrationRefusedError
-        If holes are too few or residuals too large; its picture shows where.
+    Raises CalibrationRefusedError if holes are too few or residuals too large; its picture shows where.
     """
     grey = checked_image(image, "the image of the grid")
     holes = locate_grid(grey, hole_diameter, dark=dark)
@@ -480,16 +393,8 @@ def calibrate_view(
 def length_per_pixel(image: ArrayLike, view: CArmView, hole_diameter: float, spacing: float) -> float:
     """Return the undistorted pixel size at a plate, for `fit_magnification`.
 
-    Parameters
-    ----------
-    image : array_like, shape (rows, columns)
-        Frame with the plate, parallel to the detector, at any distance from it.
-    view : CArmView
-        The view's calibration.
-    hole_diameter : float
-        Diameter of a hole in the image [px].
-    spacing : float
-        Spacing of the holes, in any unit of length.
+    The plate is parallel to the detector, at any distance from it; the spacing of its holes is in any unit of length,
+    their diameter in pixels.
     """
     holes = locate_grid(view.checked(image), hole_diameter)
     square = view.undistort(holes.place)
@@ -499,21 +404,11 @@ def length_per_pixel(image: ArrayLike, view: CArmView, hole_diameter: float, spa
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CArmCalibration:
-    """Calibration of the X-ray views of one session.
+    """Calibration of the X-ray views of one session."""
 
-    Parameters
-    ----------
-    views : sequence of CArmView
-        Two views or more, with different names.
-    frame_rate : float
-        Frames a second of both [1/s].
-    interlaced : {None, "top", "bottom"}
-        Which field of a frame was taken first; None: frames are whole.
-    """
-
-    views: Sequence[CArmView]
-    frame_rate: float = NTSC_RATE
-    interlaced: str | None = None
+    views: Sequence[CArmView]  # two views or more, with different names
+    frame_rate: float = NTSC_RATE  # frames a second of both [1/s]
+    interlaced: str | None = None  # field of a frame that was taken first, top or bottom; None: frames are whole
 
     def __post_init__(self) -> None:
         in_range("frame_rate", self.frame_rate, 0.1, 1e5, "1/s", "NTSC has 29.97.")
@@ -549,10 +444,7 @@ class CArmCalibration:
     def load(cls, path: Path | str) -> CArmCalibration:
         """Read a calibration.
 
-        Raises
-        ------
-        ValueError
-            If the file is damaged or another, with what is wrong.
+        Raises ValueError if the file is damaged or another, with what is wrong.
         """
         try:
             told = json.loads(Path(path).read_text(encoding="utf-8"))
@@ -598,17 +490,8 @@ def _view(told: Mapping[str, Any]) -> CArmView:
 def deinterlaced(frame: ArrayLike, first: str) -> tuple[Array, Array]:
     """Return both fields of an interlaced frame in time order.
 
-    Parameters
-    ----------
-    frame : array_like, shape (rows, columns)
-        Frame whose lines were taken alternately, half a frame apart.
-    first : {"top", "bottom"}
-        Whether the first line belongs to the earlier field; DV video has the bottom field first.
-
-    Returns
-    -------
-    earlier, later : ndarray, shape (rows, columns)
-        Whole images, a quarter of a frame before and after the frame's middle.
+    They are whole images, a quarter of a frame before and after the frame's middle. ``first`` is "top" if the first
+    line belongs to the earlier field; DV video has the bottom field first.
     """
     grey = checked_image(frame, "the frame")
     one_of("first", first, ("top", "bottom"))

@@ -47,26 +47,14 @@ _FIRST = 0.5  # strength of a line, relative to the strongest, that can be the s
 
 
 class BladeInView(NamedTuple):
-    """View of the blade in one image, in its chart.
+    """View of the blade in one image, in its chart."""
 
-    Attributes
-    ----------
-    strip, surface : ndarray, shape (2,)
-        Centre of the strip, and the point at which the blade's middle enters the tissue.
-    strip_ends : ndarray, shape (2, 2)
-        Upper and lower end of the strip on the blade's middle.
-    strip_covariance, surface_covariance : ndarray, shape (2, 2)
-        Covariances of the two points.
-    surface_line : ndarray, shape (2, 2)
-        Ends of the surface's line at the blade's left and right side.
-    """
-
-    strip: Array
+    strip: Array  # centre of the strip, and the point at which the blade's middle enters the tissue, shape (2,)
     surface: Array
-    strip_ends: Array
-    strip_covariance: Array
+    strip_ends: Array  # upper and lower end of the strip on the blade's middle, shape (2, 2)
+    strip_covariance: Array  # covariances of the two points, shape (2, 2)
     surface_covariance: Array
-    surface_line: Array
+    surface_line: Array  # ends of the surface's line at the blade's left and right side, shape (2, 2)
 
 
 class _BladeAxes(NamedTuple):
@@ -108,22 +96,10 @@ def measure_view(
 ) -> BladeInView:
     """Measure strip and surface in one image.
 
-    Parameters
-    ----------
-    image : ndarray of uint8, shape (height, width)
-        Grey values.
-    blade : MarkedBlade
-        Blade that it shows.
-    to_chart, to_pixels : callable
-        Maps from pixels to the chart, and back.
-    near : Neighbourhood, optional
-        Place at which the mark is looked for first.
+    The maps lead from pixels to the chart, and back; ``near`` is where the mark is looked for first.
 
-    Raises
-    ------
-    UnusableFrame
-        If the strip is hidden or there are two, an edge is blurred or in glare, or no single straight line is the
-        surface.
+    Raises UnusableFrame if the strip is hidden or there are two, an edge is blurred or in glare, or no single straight
+    line is the surface.
     """
     centre, down, across = find_mark(image, blade, near)
     ends = to_chart(np.stack([centre, centre + down, centre + np.array([down[1], -down[0]])]))
@@ -275,22 +251,13 @@ class BladeInSpace(NamedTuple):
     """Blade as measured in one frame.
 
     Places in the frame of the first camera, or of the plane of the cut [m].
-
-    Attributes
-    ----------
-    strip, surface : ndarray, shape (3,)
-        Centre of the strip, and the point at which the blade's middle enters the tissue.
-    exposed, exposed_sd : float
-        Distance between them, and its standard error [m].
-    view : BladeInView
-        What the first camera shows, in pixels.
     """
 
-    strip: Array
+    strip: Array  # centre of the strip, and the point at which the blade's middle enters the tissue, shape (3,)
     surface: Array
-    exposed: float
+    exposed: float  # distance between them, and its standard error [m]
     exposed_sd: float
-    view: BladeInView
+    view: BladeInView  # what the first camera shows, in pixels
 
 
 class DepthFrame(NamedTuple):
@@ -305,14 +272,7 @@ class DepthFrame(NamedTuple):
 class BladeCameras:
     """Calibrated cameras that measure a marked blade.
 
-    They look for its mark first where they saw it last.
-
-    Parameters
-    ----------
-    cameras : CalibratedCameras
-        One camera with the plane of the cut, or a pair.
-    blade : MarkedBlade
-        Blade to look for.
+    They look for its mark first where they saw it last. There is one camera with the plane of the cut, or a pair.
     """
 
     def __init__(self, cameras: CalibratedCameras, blade: MarkedBlade) -> None:
@@ -327,10 +287,7 @@ class BladeCameras:
 
         Images of a pair stand side by side.
 
-        Raises
-        ------
-        UnusableFrame
-            If it cannot be measured.
+        Raises UnusableFrame if it cannot be measured.
         """
         width = self.cameras.cameras[0].width
         views = []

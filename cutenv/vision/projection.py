@@ -24,21 +24,10 @@ def cone_beam_projection(
 ) -> Array:
     """Return an X-ray projection matrix (3, 4), metres to square pixels.
 
-    Parameters
-    ----------
-    source : array_like, shape (3,)
-        Place of the X-ray source [m].
-    detector : array_like, shape (3,)
-        Place of the detector's first pixel [m].
-    across, down : array_like, shape (3,)
-        Directions of the image's columns and rows in space; made unit vectors here.
-    pixel : float
-        Size of a square pixel on the detector [m].
+    ``source`` and ``detector``, its first pixel, are places [m]; ``across`` and ``down`` directions of the image's
+    columns and rows in space, of any length; ``pixel`` is the size of one on the detector [m].
 
-    Raises
-    ------
-    ValueError
-        If directions are parallel, or the source lies in the plane of the detector.
+    Raises ValueError if directions are parallel, or the source lies in the plane of the detector.
     """
     s, first, u, v = (np.asarray(each, float).reshape(3) for each in (source, detector, across, down))
     pixel = in_range("pixel", pixel, 1e-7, 0.1, "m", "It is the size of one pixel on the detector.")
@@ -55,25 +44,13 @@ def cone_beam_projection(
 
 @dataclass(frozen=True, kw_only=True)
 class CArm:
-    """C-arm that turns about the direction of the cut.
+    """C-arm that turns about the direction of the cut."""
 
-    Parameters
-    ----------
-    isocentre : array_like, shape (3,)
-        Point about which the arm turns, in the specimen's frame [m].
-    source_to_isocentre, source_to_detector : float
-        Distances from the source [m].
-    pixel : float
-        Size of a square pixel on the detector [m].
-    principal_point : tuple of float
-        Where the ray through the isocentre meets the detector [square px].
-    """
-
-    isocentre: tuple[float, float, float]
-    source_to_isocentre: float
+    isocentre: tuple[float, float, float]  # point about which the arm turns, in the specimen's frame [m], shape (3,)
+    source_to_isocentre: float  # distances from the source [m]
     source_to_detector: float
-    pixel: float
-    principal_point: tuple[float, float]
+    pixel: float  # size of a square pixel on the detector [m]
+    principal_point: tuple[float, float]  # where the ray through the isocentre meets the detector [square px]
 
     def projection(self, angle: float) -> Array:
         """Return a view's projection matrix (3, 4) at ``angle`` [rad].
@@ -104,26 +81,12 @@ def projection_slope(projection: Array, points: Array) -> Array:
 
 
 def fit_projection(points: ArrayLike, images: ArrayLike) -> tuple[Array, Array]:
-    """Fit a view's projection matrix to known points.
+    """Fit a view's projection matrix to known points of a phantom.
 
-    Parameters
-    ----------
-    points : array_like, shape (n, 3)
-        Places of the points of a phantom [m], not all in one plane.
-    images : array_like, shape (n, 2)
-        Their images, undistorted [square px].
+    They are (n, 3) [m], their undistorted images (n, 2) [square px]. Return the matrix, from metres to square pixels,
+    and image minus projected point [px].
 
-    Returns
-    -------
-    projection : ndarray, shape (3, 4)
-        From metres to square pixels.
-    residual : ndarray, shape (n, 2)
-        Image minus projected point [px].
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than 8 points, or they lie in one plane.
+    Raises ValueError if there are fewer than 8 points, or they lie in one plane.
     """
     x, y = np.asarray(points, float).reshape(-1, 3), np.asarray(images, float).reshape(-1, 2)
     if len(x) != len(y) or len(x) < _LEAST_POINTS:
@@ -165,23 +128,11 @@ def _unit(points: Array) -> Array:
 def triangulate(projections: Sequence[Array], images: ArrayLike, covariances: ArrayLike) -> tuple[Array, Array, Array]:
     """Triangulate points from several views by weighted least squares.
 
-    Parameters
-    ----------
-    projections : sequence of ndarray, shape (3, 4)
-        One for each view.
-    images : array_like, shape (views, n, 2)
-        Undistorted images [square px]; NaN where a view does not show a point.
-    covariances : array_like, shape (views, n, 2, 2)
-        Their covariances [px²].
+    ``images``, (views, n, 2) [square px], are undistorted, NaN where a view does not show a point; their covariances
+    have shape (views, n, 2, 2) [px²].
 
-    Returns
-    -------
-    place : ndarray, shape (n, 3)
-        Places [m]; NaN for points that fewer than two views show.
-    covariance : ndarray, shape (n, 3, 3)
-        Their covariances [m²].
-    misfit : ndarray, shape (n,)
-        Squared distances of the images over their covariances, summed, over the degrees of freedom [1].
+    Return places [m], NaN for points that fewer than two views show, their covariances [m²], and misfits: squared
+    distances of the images over their covariances, summed, over the degrees of freedom [1].
     """
     y, c = np.asarray(images, float), np.asarray(covariances, float)
     seen = np.isfinite(y).all(axis=2)
@@ -223,12 +174,7 @@ def triangulate(projections: Sequence[Array], images: ArrayLike, covariances: Ar
 def epipolar_distance(first: Array, second: Array, in_first: ArrayLike, in_second: ArrayLike) -> Array:
     """Return Sampson's distance of image pairs from one point [px].
 
-    Parameters
-    ----------
-    first, second : ndarray, shape (3, 4)
-        Projection matrices.
-    in_first, in_second : array_like, shape (..., 2)
-        Images in either view [square px]; shapes broadcast.
+    Images in either view have shape (..., 2) [square px]; shapes broadcast.
     """
     source = np.linalg.svd(first)[2][-1]
     e = second @ source
@@ -249,22 +195,14 @@ MAGNIFICATION_MODELS = {"linear": 1, "quadratic": 2, "cone_beam": 1}
 class Magnification:
     """Object length per image pixel at distance d from the detector.
 
-    Parameters
-    ----------
-    model : {"linear", "quadratic", "cone_beam"}
-        The thesis's for its top view (7.3) and side view (7.4), or what a point source gives: p (1 - d/D), with the
-        pixel p on the detector and the source's distance D from it. The cone beam is the linear one with a meaning.
-    coefficients : tuple of float
-        Highest power first, [length per pixel / distance^n].
+    The thesis's for its top view (7.3) is linear and for its side view (7.4) quadratic; the cone beam is what a point
+    source gives, p (1 - d/D), with the pixel p on the detector and the source's distance D from it: the linear one with
+    a meaning.
 
-    Notes
-    -----
     Erratum: the thesis prints no units for m and d. (7.3) is a cone beam with p = 0.3411 and D = 426 in the unit of
     d. With m in mm/px that is a pixel of 0.34 mm; d in mm would put the source 43 cm from the detector, less than any
     C-arm has. (7.4) is no cone beam: it is smallest at d = 69.7 and grows beyond.
 
-    Examples
-    --------
     >>> round(THESIS_MAGNIFICATION["top"].at(100.0), 4)
     0.2611
     >>> THESIS_MAGNIFICATION["top"].source_distance
@@ -272,7 +210,7 @@ class Magnification:
     """
 
     model: str
-    coefficients: tuple[float, ...]
+    coefficients: tuple[float, ...]  # highest power first, [length per pixel / distance^n]
 
     def __post_init__(self) -> None:
         one_of("model of the magnification", self.model, MAGNIFICATION_MODELS)
@@ -288,10 +226,7 @@ class Magnification:
     def source_distance(self) -> float:
         """Source's distance D from the detector, in d's unit.
 
-        Raises
-        ------
-        ValueError
-            For the quadratic model, which belongs to no point source.
+        Raises ValueError for the quadratic model, which belongs to no point source.
         """
         if self.model == "quadratic":
             raise ValueError("a quadratic magnification belongs to no point source; fit the cone beam.")
@@ -311,26 +246,10 @@ def fit_magnification(
 ) -> tuple[Magnification, Array]:
     """Fit a magnification to images of rulers at several distances.
 
-    Parameters
-    ----------
-    distance : array_like, shape (n,)
-        Distances from the detector, in any unit of length.
-    length_per_pixel : array_like, shape (n,)
-        Length of one pixel found in each image: spacing of the grid over its spacing in pixels.
-    model : str
-        One of `MAGNIFICATION_MODELS`.
+    Distances are from the detector, in any unit of length; the length of one pixel is the spacing of the grid over its
+    spacing in pixels. Return the fit and its relative error at each distance [1].
 
-    Returns
-    -------
-    magnification : Magnification
-        The fit.
-    residual : ndarray, shape (n,)
-        Relative error of the fit at each distance [1].
-
-    Raises
-    ------
-    ValueError
-        If distances are too few, or a cone beam would have its source on the wrong side.
+    Raises ValueError if distances are too few, or a cone beam would have its source on the wrong side.
     """
     one_of("model of the magnification", model, MAGNIFICATION_MODELS)
     d, m = np.asarray(distance, float).ravel(), np.asarray(length_per_pixel, float).ravel()

@@ -17,8 +17,7 @@ from scipy.spatial import cKDTree
 from cutenv._base.arrays import Array, Indices
 from cutenv._base.validation import in_range
 
-FLOOR = 1e-12
-"""Smallest pivot of a normal matrix: keeps a flat window solvable."""
+FLOOR = 1e-12  # smallest pivot of a normal matrix: keeps a flat window solvable
 _CANDIDATE = 4.5  # in standard deviations of the filtered noise; the fit then decides
 _REACH = 3.2  # widths of a spot around it that are fitted: in a smaller window place and background are confused
 _ROUNDS = 14  # of the fit; beads settle in five
@@ -29,49 +28,26 @@ _LAPLACE = np.array([[1.0, -2.0, 1.0], [-2.0, 4.0, -2.0], [1.0, -2.0, 1.0]])
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Spots:
-    """Spots of one image.
+    """Spots of one image."""
 
-    Parameters
-    ----------
-    place : ndarray, shape (n, 2)
-        Column and row of each centre [px]; the centre of the first pixel is (0, 0).
-    covariance : ndarray, shape (n, 2, 2)
-        Covariance of each centre [px²], from what the fit left over.
-    amplitude : ndarray, shape (n,)
-        Height above the background, or depth below it [units of the image].
-    sigma : ndarray, shape (n,)
-        Width of the fitted Gaussian [px].
-    scatter : ndarray, shape (n,)
-        Standard deviation of what the fit left over around each: the noise of one pixel there [units of the image].
-    """
-
-    place: Array
-    covariance: Array
-    amplitude: Array
-    sigma: Array
-    scatter: Array
+    place: Array  # column and row of each centre [px]; the centre of the first pixel is (0, 0), shape (n, 2)
+    covariance: Array  # covariance of each centre [px²], from what the fit left over, shape (n, 2, 2)
+    amplitude: Array  # height above the background, or depth below it [units of the image], shape (n,)
+    sigma: Array  # width of the fitted Gaussian [px], shape (n,)
+    scatter: Array  # SD of what the fit left over around each, a pixel's noise [units of the image], shape (n,)
 
     def __len__(self) -> int:
         return len(self.place)
 
     def where(self, kept: NDArray[np.bool_]) -> Spots:
         """Return the spots selected by a mask, shape (n,)."""
-        return Spots(
-            place=self.place[kept],
-            covariance=self.covariance[kept],
-            amplitude=self.amplitude[kept],
-            sigma=self.sigma[kept],
-            scatter=self.scatter[kept],
-        )
+        return Spots(**{name: values[kept] for name, values in vars(self).items()})
 
 
 def checked_image(image: ArrayLike, name: str = "image") -> Array:
     """Return a grey image as float64.
 
-    Raises
-    ------
-    ValueError
-        If it is not two-dimensional, smaller than 16 pixels, not finite or of one value only.
+    Raises ValueError if it is not two-dimensional, smaller than 16 pixels, not finite or of one value only.
     """
     raw = np.asarray(image)
     if raw.ndim != 2 or min(raw.shape) < 16:
@@ -98,35 +74,14 @@ def noise_of(image: Array) -> float:
 
 
 def locate_spots(image: ArrayLike, diameter: float, *, dark: bool = True, least_snr: float = 5.0) -> Spots:
-    """Find round spots and fit a Gaussian to each.
+    """Find round spots and fit a Gaussian, on a linear background, to each.
 
-    The background of the Gaussian slopes linearly.
+    They are ``dark`` or bright, of a diameter of 2 to 60 px, of which half and twice are found, too; their height is at
+    least ``least_snr`` times the noise of one pixel. Those cut off by the border of the image are left out.  With noise
+    N and height A the standard error of a fitted centre is at best sqrt(2/π) N/A pixels, whatever the width of the
+    spot.
 
-    Parameters
-    ----------
-    image : array_like, shape (rows, columns)
-        Grey image.
-    diameter : float
-        Diameter of the spots [px], 2 to 60; those of half and twice that size are found, too.
-    dark : bool
-        Whether they are darker than what is around them.
-    least_snr : float
-        Least height of a spot over the noise of one pixel [1].
-
-    Returns
-    -------
-    Spots
-        Without those cut off by the border of the image.
-
-    Raises
-    ------
-    ValueError
-        If the image is none (see `checked_image`) or a number is out of range.
-
-    Notes
-    -----
-    With noise N and height A the standard error of a fitted centre is at best sqrt(2/π) N/A pixels, whatever the
-    width of the spot.
+    Raises ValueError if the image is none (see `checked_image`) or a number is out of range.
     """
     grey = checked_image(image)
     diameter = in_range("diameter", diameter, 2.0, 60.0, "px", "It is the diameter of one bead or hole in the image.")
@@ -157,21 +112,8 @@ def locate_spots(image: ArrayLike, diameter: float, *, dark: bool = True, least_
 def fit_spots(grey: Array, start: Array, diameter: float) -> tuple[Spots, NDArray[np.bool_]]:
     """Fit a Gaussian on a sloping background near each start.
 
-    Parameters
-    ----------
-    grey : ndarray, shape (rows, columns)
-        Image with bright spots.
-    start : ndarray, shape (n, 2)
-        Column and row at which each is expected, within half its diameter [px].
-    diameter : float
-        Diameter of a spot [px].
-
-    Returns
-    -------
-    spots : Spots
-        One for each start.
-    settled : ndarray of bool, shape (n,)
-        Whether it is a spot: whole in the image, of half to twice the size, near its start, and more than an edge.
+    Each bright spot is expected within half its diameter [px] of a start, (n, 2). Return the fits, and which of them
+    are a spot: whole in the image, of half to twice the size, near its start, and more than an edge.
     """
     width = 0.4 * diameter
     half = max(3, math.ceil(_REACH * width))
@@ -271,22 +213,16 @@ def _first_of_each(spots: Spots, width: float) -> NDArray[np.bool_]:
     return kept
 
 
-LEAST_HOLES = 60
-"""Holes without which a distortion is not fitted."""
+LEAST_HOLES = 60  # holes without which a distortion is not fitted
 _NEAR = 0.3  # of the spacing: how far a hole may lie from where its neighbour expects it
 _FORGET = 0.5  # how much of a step from hole to hole is taken on to the next
 
 
 class CalibrationRefusedError(ValueError):
-    """A calibration image cannot be used.
+    """A calibration image cannot be used, which ``picture`` shows.
 
-    Parameters
-    ----------
-    message : str
-        What is wrong, and the cure.
-    picture : ndarray of uint8, shape (rows, columns, 3)
-        The image in colours: holes that were used green, those left out red, residuals as yellow lines, ten times
-        their length.
+    In its colours, (rows, columns, 3), holes that were used are green, those left out red, residuals yellow lines, ten
+    times their length.
     """
 
     def __init__(self, message: str, picture: NDArray[np.uint8]) -> None:
@@ -296,47 +232,25 @@ class CalibrationRefusedError(ValueError):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GridHoles:
-    """Holes of a calibration grid.
+    """Holes of a calibration grid."""
 
-    Parameters
-    ----------
-    place : ndarray, shape (n, 2)
-        Column and row of each hole in the image [px].
-    index : ndarray of int64, shape (n, 2)
-        Its column and row in the grid, counted from the hole nearest the middle.
-    covariance : ndarray, shape (n, 2, 2)
-        Covariance of the places [px²].
-    left_out : ndarray, shape (m, 2)
-        Places of spots that fit nowhere into the grid [px].
-    """
-
-    place: Array
-    index: Indices
-    covariance: Array
-    left_out: Array
+    place: Array  # column and row of each hole in the image [px], shape (n, 2)
+    index: Indices  # its column and row in the grid, counted from the hole nearest the middle, shape (n, 2)
+    covariance: Array  # covariance of the places [px²], shape (n, 2, 2)
+    left_out: Array  # places of spots that fit nowhere into the grid [px], shape (m, 2)
 
     def __len__(self) -> int:
         return len(self.place)
 
 
 def locate_grid(image: ArrayLike, diameter: float, *, dark: bool | None = None) -> GridHoles:
-    """Find the holes of a calibration grid.
+    """Find the holes of a calibration grid, of a diameter [px].
 
-    Parameters
-    ----------
-    image : array_like, shape (rows, columns)
-        Image of the grid, its rows within 40 degrees of the image's.
-    diameter : float
-        Diameter of a hole in the image [px].
-    dark : bool, optional
-        Whether the spots are darker than the plate. By default what gives more holes.
+    Its rows are within 40 degrees of the image's. By default the spots are darker or brighter than the plate, whichever
+    gives more holes.
 
-    Raises
-    ------
-    CalibrationRefusedError
-        If fewer than `LEAST_HOLES` lie on a grid, or they cover less than a quarter of the image.
-    ValueError
-        If the image is none.
+    Raises CalibrationRefusedError if fewer than `LEAST_HOLES` lie on a grid, or they cover less than a quarter of the
+    image; ValueError if the image is none.
     """
     grey = checked_image(image, "the image of the grid")
     found = [_indexed(locate_spots(grey, diameter, dark=one)) for one in ((True, False) if dark is None else (dark,))]
@@ -420,17 +334,7 @@ def _spread(place: Array, tree: cKDTree, start: int, steps: Array) -> tuple[Indi
 
 
 def residual_picture(image: Array, holes: GridHoles, residual: Array | None = None) -> NDArray[np.uint8]:
-    """Draw the holes over the image, as `CalibrationRefusedError` describes it.
-
-    Parameters
-    ----------
-    image : ndarray, shape (rows, columns)
-        Grey image.
-    holes : GridHoles
-        What was found in it.
-    residual : ndarray, shape (n, 2), optional
-        Residual of each hole [px].
-    """
+    """Draw holes and residuals [px] as `CalibrationRefusedError` describes it."""
     low, high = float(image.min()), float(image.max())
     grey = ((image - low) * (160.0 / max(high - low, 1e-9))).astype(np.uint8)
     picture = np.repeat(grey[:, :, None], 3, axis=2)

@@ -118,7 +118,7 @@ for kind in (NativeVecEnv, FeatureVecEnv):
     model = PPO("MlpPolicy", environments, n_steps=4, batch_size=8, n_epochs=1, gamma=1.0, device="cpu")
     model.learn(8)
     print(kind.__name__, model.num_timesteps)
-import cutenv.agents.learning.ppo, cutenv.agents.policy
+import cutenv.agents.learning.on_policy, cutenv.agents.policy
 name = cutenv.agents.policy.SHIPPED[0]
 print(name, cutenv.agents.policy.shipped(name).card.sha256)
 print(cutenv.__file__)

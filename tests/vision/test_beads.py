@@ -9,9 +9,8 @@ import pytest
 from scipy.spatial import cKDTree
 
 from cutenv.vision.bead_correspondence import linked, pairs_by_epipolar, places_from_sweep
-from cutenv.vision.bead_images import BeadLook, groups_of, measure_beads, shared_shifts
 from cutenv.vision.bead_tracks import BeadTracks, SpecimenFrame, clock_lag
-from cutenv.vision.beads import BeadFilter, find_beads, track_beads
+from cutenv.vision.beads import find_beads, track_beads
 from cutenv.vision.fluoroscopy import deinterlaced
 from cutenv.vision.projection import project
 from scripts.validation.vision import carm_measurement
@@ -185,16 +184,6 @@ def test_the_lag_of_the_force_record_is_found_or_refused():
         clock_lag(time, np.random.default_rng(1).normal(size=len(time)), cut.time, cut.force)
 
 
-def test_the_result_is_saved(calibration, rest, film, tmp_path):
-    time, frames = film
-    tracks = track_beads(frames[:2], time[:2], calibration, rest, diameter=3.5)
-    pytest.importorskip("pyarrow", reason="Parquet is an extra: pip install 'cutenv[vision]'")
-    tracks.save(tmp_path / "tracks.parquet")
-    again = BeadTracks.load(tmp_path / "tracks.parquet")
-    assert np.array_equal(again.place, tracks.place)
-    assert again.metadata == tracks.metadata
-
-
 def test_a_view_that_is_left_out_makes_a_place_less_certain(session, calibration, rest, film):
     time, frames = film
     still = [frames[0]] * 7
@@ -301,58 +290,3 @@ def test_a_bead_hidden_while_the_tissue_springs_back_is_not_said_to_be_known(ses
     tracks = track_beads(frames, time, calibration, rest, diameter=3.5, displacement=predicted)
     off = errors_of(tracks, owner, places)
     assert honest(tracks, off).max() < 9.0
-
-
-def test_a_view_that_contradicts_the_other_is_refused(session, calibration):
-    """The side view shows a spot 2 px along the cut from where the top view has just seen the bead."""
-    at = np.array([[0.0, 0.03, 0.0125]])
-    state = BeadFilter(rest=at.copy(), variance=1e-8 * np.eye(3)[None])
-    top, side = calibration.views
-    alone, error = np.array([False]), 0.01 * np.eye(2)[None]
-    assert state.update(top, project(top.projection, at), error, alone).all()
-    before = state.offset.copy()
-    wrong = project(side.projection, at + np.array([0.0, 5e-4, 0.0]))
-    assert not state.update(side, wrong, error, alone).any()
-    assert state.refused.all()
-    assert state.offset == pytest.approx(before)
-    higher = project(side.projection, at + np.array([0.0, 0.0, 5e-4]))
-    # Along the rays of the top view it may have jumped.
-    assert state.update(side, higher, error, alone).all()
-    assert state.offset[0, 2] == pytest.approx(5e-4, rel=0.1)
-    state.begin(at)
-    lower = project(side.projection, at - np.array([0.0, 0.0, 5e-4]))
-    assert not state.update(side, lower, error, np.array([True])).any()  # another bead is near
-
-
-def test_a_spot_on_the_edge_of_a_blade_is_left_out():
-    rng = np.random.default_rng(0)
-    y, x = np.mgrid[:40, :40].astype(float)
-    look = BeadLook(diameter=3.5, sigma=1.4, height=0.5, noise=0.04)
-    bead = look.height * np.exp(-0.5 * ((x - 20.3) ** 2 + (y - 19.8) ** 2) / look.sigma**2)
-    image = bead + look.noise * rng.normal(size=x.shape)
-    place, _ = measure_beads(image, np.array([[20.0, 20.0]]), look)
-    assert place[0] == pytest.approx([20.3, 19.8], abs=0.3)
-    place, _ = measure_beads(image + 1.2 * (x > 21.0), np.array([[20.0, 20.0]]), look)
-    assert np.isnan(place).all()
-
-
-def test_a_group_of_beads_tells_its_shift_and_a_single_bead_does_not():
-    rng = np.random.default_rng(1)
-    look = BeadLook(diameter=3.5, sigma=1.4, height=0.5, noise=0.04)
-    rest = np.array([(0.01 * i, 0.01 * j, 0.0) for i in range(3) for j in range(4)])
-    expected = 20.0 + 3000.0 * rest[:, :2] + rng.uniform(-4.0, 4.0, (12, 2))
-    y, x = np.mgrid[:150, :120].astype(float)
-
-    def image(places):
-        image = look.noise * rng.normal(size=x.shape)
-        for u, v in places:
-            image += look.height * np.exp(-0.5 * ((x - u) ** 2 + (y - v) ** 2) / look.sigma**2)
-        return image
-
-    groups = groups_of(rest)
-    assert not shared_shifts(image(expected), expected, rest, groups, look).any()
-    moved = np.array([-3.0, 8.0])
-    found = shared_shifts(image(expected + moved), expected, rest, groups, look)
-    assert found == pytest.approx(np.broadcast_to(moved, (12, 2)), abs=1.0)
-    alone = groups_of(rest[:1])
-    assert not shared_shifts(image(expected[:1] + moved), expected[:1], rest[:1], alone, look).any()

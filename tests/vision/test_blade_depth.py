@@ -110,32 +110,32 @@ def test_another_calibration_is_told_by_the_strip(filmed):
         filmed_depth(frames, filmed.trace, BLADE)
 
 
-def test_the_record_of_another_cut_is_refused(filmed, measured):
-    other = dataclasses.replace(filmed.trace, position=0.02 * np.sin(filmed.trace.time) ** 2)
-    with pytest.raises(ValueError, match=r"motion in the film is not that of the record"):
-        filmed_depth(measured["pair"], other, BLADE)
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda trace: {"position": 0.02 * np.sin(trace.time) ** 2}, "motion in the film is not that of the record"),
+        (
+            lambda trace: {"angle": np.full(len(trace), math.radians(60.0))},
+            r"stands at 4\d\.\d degrees in the film and 60.0 in the record",
+        ),
+        (lambda trace: {"position": None}, "depth needs position"),
+    ],
+)
+def test_the_record_of_another_cut_or_without_position_is_refused(filmed, measured, change, said):
+    with pytest.raises(ValueError, match=said):
+        filmed_depth(measured["pair"], dataclasses.replace(filmed.trace, **change(filmed.trace)), BLADE)
 
 
-def test_a_record_at_another_angle_is_refused(filmed, measured):
-    other = dataclasses.replace(filmed.trace, angle=np.full(len(filmed.trace), math.radians(60.0)))
-    with pytest.raises(ValueError, match=r"stands at 4\d\.\d degrees in the film and 60.0 in the record"):
-        filmed_depth(measured["pair"], other, BLADE)
-
-
-def test_a_wrong_rate_is_told(filmed, measured):
-    slow = [frame._replace(time=2.0 * frame.time) for frame in measured["pair"]]
-    with pytest.raises(ValueError, match=r"its rate is wrong"):
-        filmed_depth(slow, filmed.trace, BLADE)
-
-
-def test_a_film_that_misses_half_of_the_cut_is_refused(filmed, measured):
-    with pytest.raises(ValueError, match=r"no frame is usable from \d+ to \d+ mm|motion in the film"):
-        filmed_depth(measured["pair"][:14], filmed.trace, BLADE)
-
-
-def test_a_record_without_position_is_refused(filmed, measured):
-    with pytest.raises(ValueError, match="depth needs position"):
-        filmed_depth(measured["pair"], dataclasses.replace(filmed.trace, position=None), BLADE)
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda frames: [frame._replace(time=2.0 * frame.time) for frame in frames], "its rate is wrong"),
+        (lambda frames: frames[:14], r"no frame is usable from \d+ to \d+ mm|motion in the film"),
+    ],
+)
+def test_a_film_at_a_wrong_rate_or_of_half_of_the_cut_is_refused(filmed, measured, change, said):
+    with pytest.raises(ValueError, match=said):
+        filmed_depth(change(measured["pair"]), filmed.trace, BLADE)
 
 
 @pytest.fixture(scope="module")

@@ -63,19 +63,16 @@ def test_an_image_that_does_not_fit_is_named_with_its_residual(filmed):
         calibrate_cameras(images, filmed.board, plane=filmed.lefts[0])
 
 
-def test_boards_that_are_all_alike_do_not_determine_the_focal_length(filmed):
-    with pytest.raises(ValueError, match=r"differ by a tilt of 0 degrees"):
-        calibrate_cameras([(str(k), filmed.lefts[0][1]) for k in range(9)], filmed.board, plane=filmed.lefts[0])
-
-
-def test_images_of_two_sizes_are_refused(filmed):
-    with pytest.raises(ValueError, match=r"small is 160 x 120 px, the images before \(320, 240\)"):
-        calibrate_cameras([filmed.lefts[0], ("small", filmed.lefts[1][1][::2, ::2])], filmed.board)
-
-
-def test_one_camera_without_a_plane_is_refused(filmed):
-    with pytest.raises(ValueError, match="one camera needs the plane of the cut"):
-        calibrate_cameras(filmed.lefts, filmed.board)
+def test_boards_all_alike_of_two_sizes_or_without_a_plane_are_refused(filmed):
+    alike = [(str(k), filmed.lefts[0][1]) for k in range(9)]
+    smaller = [filmed.lefts[0], ("small", filmed.lefts[1][1][::2, ::2])]
+    for images, plane, said in (
+        (alike, filmed.lefts[0], "differ by a tilt of 0 degrees"),
+        (smaller, None, r"small is 160 x 120 px, the images before \(320, 240\)"),
+        (filmed.lefts, None, "one camera needs the plane of the cut"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            calibrate_cameras(images, filmed.board, plane=plane)
 
 
 def test_corners_in_a_photograph_are_where_scikit_image_finds_them():

@@ -18,7 +18,6 @@ pytest.importorskip("matplotlib", reason="pictures are an extra: pip install 'cu
 
 from cutenv.commands import cli
 from cutenv.records import save
-from cutenv.vision import BeadTracks
 
 
 @pytest.fixture(scope="module")
@@ -50,9 +49,7 @@ def refused(capsys: pytest.CaptureFixture[str], folder: Path, *arguments: object
     return err
 
 
-def test_modulus_by_force_by_image_and_put_in_stand_side_by_side(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_modulus_by_force_by_image_and_put_in_stand_side_by_side(folder, capsys):
     page = folder / "new" / "page.html"
     status, out, _ = run(capsys, folder / "tracks.parquet", "--record", folder / "cut.csv", "--zones", 2, "--out", page)
     assert status == 0
@@ -84,19 +81,6 @@ def test_tracks_of_another_cut_are_refused(cut: FilmedCut, folder: Path, capsys:
     assert "they are of different cuts, or their clocks are not in step" in said
 
 
-def test_tracks_without_beads_are_refused(folder: Path, capsys: pytest.CaptureFixture[str], cut: FilmedCut) -> None:
-    none = {name: getattr(cut.tracks, name)[:0] for name in ("bead", "time", "place", "covariance")}
-    BeadTracks(**none).save(folder / "none.parquet")
-    said = refused(capsys, folder, folder / "none.parquet", "--record", folder / "cut.csv")
-    assert "the tracks hold no bead" in said
-
-
-def test_a_record_without_position_is_refused(folder: Path, capsys: pytest.CaptureFixture[str], cut: FilmedCut) -> None:
-    bare = replace(cut.trace.select(slice(None, None, 10)), position=None, speed=None, angle=None, depth=None)
-    save(bare, folder / "bare.csv")
-    assert "needs position" in refused(capsys, folder, folder / "tracks.parquet", "--record", folder / "bare.csv")
-
-
 @pytest.mark.parametrize(
     ("option", "value", "told"),
     [
@@ -108,9 +92,7 @@ def test_a_record_without_position_is_refused(folder: Path, capsys: pytest.Captu
         ("--cut", 7, "--cut 7: the file holds cuts 1"),
     ],
 )
-def test_bad_options_are_refused(
-    option: str, value: object, told: str, folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_bad_options_are_refused(option, value, told, folder, capsys):
     said = refused(capsys, folder, folder / "tracks.parquet", "--record", folder / "cut.csv", option, value)
     assert told in said
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from functools import partial
 
 import numpy as np
 import pytest
@@ -177,26 +176,6 @@ def spoilt(value, rng):
             continue
         node[key] = nonsense[rng.integers(len(nonsense))]
         return copy
-
-
-def test_damaged_images_of_the_grid_are_used_or_refused(swirled):
-    rng = np.random.default_rng(1)
-    whole = swirled[1]
-    for number in range(15):
-        image = whole.copy()
-        kind = number % 5
-        top, left = rng.integers(0, 200), rng.integers(0, 300)
-        if kind == 0:
-            image[top : top + 60, left : left + 80] = rng.integers(0, 256)
-        elif kind == 1:
-            image = image[rng.permutation(len(image))]
-        elif kind == 2:
-            image = np.where(rng.random(image.shape) < 0.3, rng.integers(0, 256, image.shape), image)
-        elif kind == 3:
-            image[top:] = 0
-        else:
-            image = image[: max(top, 1), : max(left, 1)]
-        told_of(" ", partial(calibrate_view, name="top", dark=False, model="radial_swirl"), image, 4.5)
 
 
 def test_a_frame_of_another_camera_is_refused():

@@ -13,21 +13,6 @@ pytest.importorskip("av", reason="PyAV is an extra: pip install 'cutenv[vision]'
 from scripts.validation.measurement import one_cut_twice
 
 
-def test_a_file_that_is_there_is_not_made_again_and_half_a_one_is_not_kept(tmp_path):
-    path = tmp_path / "folder" / "cut.csv"
-
-    def stopped(part):
-        part.write_text("half")
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        one_cut_twice.made(path, stopped)
-    assert list(path.parent.iterdir()) == []
-    one_cut_twice.made(path, lambda part: part.write_text("whole"))
-    one_cut_twice.made(path, stopped)
-    assert path.read_text() == "whole"
-
-
 def test_the_beads_are_moved_by_the_force_that_the_record_shows(tmp_path):
     cut = one_cut_twice.RenderedCut(1)
     cut.record(tmp_path / "cut.csv")

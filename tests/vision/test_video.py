@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -15,18 +14,23 @@ from cutenv.vision.film_source import video_facts, video_frames  # noqa: E402
 N, RATE = 25, 12
 
 
-@pytest.fixture(scope="module", params=["mp4", "mkv"])
-def video(request, tmp_path_factory):
-    """Grey frames, each brighter than the last."""
-    path = tmp_path_factory.mktemp("video") / f"film.{request.param}"
-    with av.open(str(path), "w") as container:
-        stream = container.add_stream("libx264", rate=Fraction(RATE), options={"crf": "8"})
+def _written(path, image=None, *, frames=N, turn=None, options=None):
+    """Write frames with FFmpeg's own writer: a picture again and again, or grey ones, each brighter than the last."""
+    with av.open(str(path), "w", options=options or {}) as container:
+        stream = container.add_stream("libx264", rate=RATE, options={"crf": "8", "bf": "0", "g": "6"})
         stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv420p"
-        for k in range(N):
-            image = np.full((48, 64), 8 * k + 20, np.uint8)
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="gray").reformat(format="yuv420p")))
+        if turn is not None:
+            stream.set_display_rotation(*turn)
+        for k in range(frames):
+            shown = np.full((48, 64), 8 * k + 20, np.uint8) if image is None else image
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(shown, format="gray").reformat(format="yuv420p")))
         container.mux(stream.encode(None))
     return path
+
+
+@pytest.fixture(scope="module", params=["mp4", "mkv"])
+def video(request, tmp_path_factory):
+    return _written(tmp_path_factory.mktemp("video") / f"film.{request.param}")
 
 
 def test_frames_come_in_order_with_their_times(video):
@@ -53,20 +57,6 @@ def test_a_file_that_ends_early_is_refused(video, tmp_path):
     path.write_bytes(video.read_bytes()[: int(0.6 * video.stat().st_size)])
     with pytest.raises(ValueError, match=r"ends early|damaged|beginning or end is missing"):
         list(video_frames(path))
-
-
-def _written(path, image=None, *, frames=N, turn=None, options=None):
-    """Write frames with FFmpeg's own writer: a picture again and again, or grey ones, each brighter than the last."""
-    with av.open(str(path), "w", options=options or {}) as container:
-        stream = container.add_stream("libx264", rate=RATE, options={"crf": "8", "bf": "0", "g": "6"})
-        stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv420p"
-        if turn is not None:
-            stream.set_display_rotation(*turn)
-        for k in range(frames):
-            shown = np.full((48, 64), 8 * k + 20, np.uint8) if image is None else image
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(shown, format="gray").reformat(format="yuv420p")))
-        container.mux(stream.encode(None))
-    return path
 
 
 def _trimmed(path, start, frames):

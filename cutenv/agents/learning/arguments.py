@@ -26,8 +26,7 @@ if TYPE_CHECKING:
     from cutenv.agents.sb3 import FeatureVecEnv
 
 
-MAX_ENVIRONMENTS = 1000
-"""Number of training seeds that belong to one run: that with seed k has those from 1000 k on."""
+MAX_ENVIRONMENTS = 1000  # number of training seeds that belong to one run: that with seed k has those from 1000 k on
 
 
 _UPRIGHT = 0.8  # angle action of a blade that is upright enough for a success
@@ -47,10 +46,7 @@ class BadArguments(ValueError):
 def for_rig(chosen: Mapping[str, Any]) -> dict[str, Any]:
     """Return options with a rig file's blade angle and decision rate.
 
-    Raises
-    ------
-    BadArguments
-        If the file cannot be used, or an option contradicts it.
+    Raises BadArguments if the file cannot be used, or an option contradicts it.
     """
     if not chosen.get("rig"):
         return dict(chosen)
@@ -87,18 +83,13 @@ def actor_critic_inputs(task: RegisteredTask, history: int, critic: str, base: s
 class LearnerArguments:
     """Options that every learner has.
 
-    Raises
-    ------
-    BadArguments
-        For a number out of its range, and for an option without effect.
+    Raises BadArguments for a number out of its range, and for an option without effect.
     """
 
-    quick: ClassVar[Mapping[str, Any]] = {}
-    """Values that ``--quick`` sets."""
+    quick: ClassVar[Mapping[str, Any]] = {}  # values that ``--quick`` sets
+    # values that ``--from-nothing`` sets; empty: the learner has no such option
     from_nothing: ClassVar[Mapping[str, Any]] = {}
-    """Values that ``--from-nothing`` sets; empty: the learner has no such option."""
-    tasks: ClassVar[Collection[str]] = ("gentle",)
-    """Names of the tasks that the learner is for."""
+    tasks: ClassVar[Collection[str]] = ("gentle",)  # names of the tasks that the learner is for
 
     task: str = option("gentle", f"task to learn, {tasks_in_words(TASKS)}", TASKS)
     name: str = option("", "name of the run's folder below runs/; default learner, date and time", metavar="NAME")
@@ -191,10 +182,7 @@ class LearnerArguments:
     def completed(cls, chosen: Mapping[str, Any], *, quick: bool = False) -> dict[str, Any]:
         """Return the complete options of a new run, quick if asked.
 
-        Raises
-        ------
-        BadArguments
-            For options that contradict each other.
+        Raises BadArguments for options that contradict each other.
         """
         task, _ = task_of(chosen)
         options = {"script": task.script, **task.options}
@@ -459,6 +447,8 @@ class BCArguments(LearnerArguments):
     """Options of behaviour cloning."""
 
     quick: ClassVar[Mapping[str, Any]] = {"demonstrations": 50_000, "epochs": 20, **QUICKLY}
+    # options that belong to a script, with what they are where a data set is imitated
+    of_script: ClassVar[Mapping[str, Any]] = {"demonstrations": 0, "script": "", "demonstration_noise": 0.0}
 
     dataset: str = option(
         "", "id of a Minari data set to imitate, not a script; it sets decision rate and angle mode", metavar="ID"
@@ -472,14 +462,11 @@ class BCArguments(LearnerArguments):
     def completed(cls, chosen: Mapping[str, Any], *, quick: bool = False) -> dict[str, Any]:
         """Return a new run's options, completed from its data set.
 
-        Raises
-        ------
-        BadArguments
-            If there is no such data set, or an option contradicts it.
+        Raises BadArguments if there is no such data set, or an option contradicts it.
         """
         if not chosen.get("dataset"):
             return {**(cls.quick if quick else {}), **chosen}
-        for name in ("demonstrations", "script", "demonstration_noise"):
+        for name in cls.of_script:
             if name in chosen:
                 raise BadArguments(f"{flag_of(name)} belongs to a script; leave it out with --dataset.")
         from cutenv.agents.learning.minari_datasets import environment_of, opened
@@ -495,8 +482,7 @@ class BCArguments(LearnerArguments):
                     f"{flag_of(name)} {chosen[name]} contradicts data set {dataset.id!r}, whose decisions "
                     f"were made with {value}; leave it out."
                 )
-        decisions = int(dataset.total_steps)
-        told = {**implied, "script": "", "demonstration_noise": 0.0, "demonstrations": decisions}
+        told = {**implied, **cls.of_script, "demonstrations": int(dataset.total_steps)}
         return {**(cls.quick if quick else {}), **chosen, **told}
 
     @property
@@ -510,6 +496,7 @@ class IQLArguments(BCArguments):
     """Options of implicit Q-learning."""
 
     quick: ClassVar[Mapping[str, Any]] = {**BCArguments.quick, "epochs": 10}
+    of_script: ClassVar[Mapping[str, Any]] = {**BCArguments.of_script, "other_script": ""}
 
     other_script: str = option("probe and creep", "script that makes half of the demonstrations", tuple(SCRIPTS))
     epochs: int = 40
@@ -520,15 +507,6 @@ class IQLArguments(BCArguments):
     temperature: float = option(
         10.0, "exponent per unit of return with which better actions weigh more; 0: imitation", (0.0, 1e6)
     )
-
-    @classmethod
-    def completed(cls, chosen: Mapping[str, Any], *, quick: bool = False) -> dict[str, Any]:
-        """Return a new run's options, as :class:`BCArguments` does."""
-        if not chosen.get("dataset"):
-            return {**(cls.quick if quick else {}), **chosen}
-        if "other_script" in chosen:
-            raise BadArguments("--other-script belongs to a script; leave it out with --dataset.")
-        return super().completed(chosen, quick=quick) | {"other_script": ""}
 
     @property
     def teacher(self) -> str:

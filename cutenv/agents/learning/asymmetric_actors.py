@@ -9,7 +9,6 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-import gymnasium
 import torch
 from sb3_contrib.common.recurrent.policies import RecurrentActorCriticPolicy
 from sb3_contrib.crossq.policies import CrossQPolicy
@@ -94,10 +93,7 @@ class AsymmetricActorCritic(ActorCriticPolicy):
 
 
 class FirstNumbers(BaseFeaturesExtractor):
-    """The first ``count`` numbers of an observation."""
-
-    def __init__(self, space: gymnasium.Space[Any], count: int) -> None:
-        super().__init__(space, count)
+    """The first ``features_dim`` numbers of an observation."""
 
     def forward(self, seen: torch.Tensor) -> torch.Tensor:
         """Return the first numbers of observations, shape (n, count)."""
@@ -107,10 +103,9 @@ class FirstNumbers(BaseFeaturesExtractor):
 class _Asymmetric:
     """Base of the three policies.
 
-    It holds what actor and critics see, and the actor's parameters.
-
-    The actor sees the first ``features`` numbers, the critics the first ``critic``; the actor draws its actions with
-    the standard deviation ``exploration`` until it has learned another.
+    It holds what actor and critics see, and the actor's parameters. The actor sees the first ``features`` numbers, the
+    critics the first ``critic``; the actor draws its actions with the standard deviation ``exploration`` until it has
+    learned another.
     """
 
     actor: Any
@@ -158,17 +153,6 @@ class AsymmetricCrossQPolicy(_Asymmetric, CrossQPolicy):
 LSTMState = tuple[torch.Tensor, torch.Tensor]
 
 
-class Leading(BaseFeaturesExtractor):
-    """Extractor of the first ``count`` numbers of an observation."""
-
-    def __init__(self, observation_space: Any, count: int) -> None:
-        super().__init__(observation_space, count)
-
-    def forward(self, seen: torch.Tensor) -> torch.Tensor:
-        """Return the first numbers of the observations."""
-        return seen[..., : self.features_dim]
-
-
 class RecurrentAsymmetricActorCritic(RecurrentActorCriticPolicy):
     """Policy with an LSTM actor and a critic without memory.
 
@@ -187,8 +171,8 @@ class RecurrentAsymmetricActorCritic(RecurrentActorCriticPolicy):
         super().__init__(*args, **(kwargs | own))
         self._sizes = {"features": features, "critic": critic, "hidden": hidden}
         # The base class gives both the same inputs.
-        self.pi_features_extractor = Leading(self.observation_space, features)
-        self.vf_features_extractor = Leading(self.observation_space, critic)
+        self.pi_features_extractor = FirstNumbers(self.observation_space, features)
+        self.vf_features_extractor = FirstNumbers(self.observation_space, critic)
         self.lstm_actor = nn.LSTM(features, hidden)
         self.critic = nn.Linear(critic, hidden)
         self.log_std.requires_grad_(False)  # see Progress

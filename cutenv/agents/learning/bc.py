@@ -13,7 +13,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import safetensors
@@ -23,7 +23,7 @@ from tqdm import tqdm
 
 from cutenv._base.output import atomic_write
 from cutenv.agents.learning.arguments import BadArguments, BCArguments
-from cutenv.agents.learning.cloning import Cloning, DecisionDataset, script_demonstrations
+from cutenv.agents.learning.cloning import Cloning, DecisionDataset, EpochFit, script_demonstrations
 from cutenv.agents.learning.minari_datasets import cloning_data, opened
 from cutenv.agents.learning.progress import validate
 from cutenv.agents.learning.run_folder import RunRequest, end_interrupted, export, record_run, write_facts
@@ -33,39 +33,10 @@ from cutenv.agents.policy import Network
 from cutenv.agents.policy.features import feature_count
 
 if TYPE_CHECKING:
-    from minari import MinariDataset
+    pass
 
 NAME = "behaviour cloning"
 _MOMENTS = ("exp_avg", "exp_avg_sq", "step")  # Adam's state for each parameter
-
-
-class Fitted(Protocol):
-    """Agent fitted to data, with ``predict`` as in Stable-Baselines3."""
-
-    @property
-    def module(self) -> torch.nn.Module:
-        """Everything that is fitted."""
-
-    def predict(
-        self, observations: np.ndarray, state: None, episode_start: Any, deterministic: bool
-    ) -> tuple[np.ndarray, None]:
-        """Return the actions, and None as the state."""
-
-    def network(self) -> Network:
-        """Return the actor in NumPy."""
-
-
-class Fitting(Protocol):
-    """Epoch-wise fit to data, such as :class:`~cutenv.agents.learning.cloning.Cloning`."""
-
-    epoch: int
-    optimizer: torch.optim.Adam
-
-    def run_epoch(self) -> None:
-        """Go through the data once."""
-
-    def error(self) -> float:
-        """Return the root mean square error of the agent's actions."""
 
 
 class Clone:
@@ -74,17 +45,18 @@ class Clone:
     def __init__(self, arguments: BCArguments) -> None:
         torch.manual_seed(arguments.seed)
         self._inputs, units = feature_count(arguments.history), arguments.hidden
-        self.module = torch.nn.Sequential(
+        self.actor = torch.nn.Sequential(
             torch.nn.Linear(self._inputs, units),
             torch.nn.Tanh(),
             torch.nn.Linear(units, units),
             torch.nn.Tanh(),
             torch.nn.Linear(units, 2),
         )
+        self.module: torch.nn.Module = self.actor  # everything that is fitted
 
     def __call__(self, observations: torch.Tensor) -> torch.Tensor:
         """Return the actions for observations, ignoring the hidden state (last)."""
-        actions: torch.Tensor = self.module(observations[..., : self._inputs])
+        actions: torch.Tensor = self.actor(observations[..., : self._inputs])
         return actions
 
     def predict(
@@ -95,12 +67,12 @@ class Clone:
             return self(torch.as_tensor(observations)).numpy(), None
 
     def network(self) -> Network:
-        """Return the same network in NumPy."""
-        dense = [layer for layer in self.module if isinstance(layer, torch.nn.Linear)]
+        """Return the actor in NumPy."""
+        dense = [layer for layer in self.actor if isinstance(layer, torch.nn.Linear)]
         return Network(tuple((layer.weight.detach().numpy(), layer.bias.detach().numpy()) for layer in dense), "tanh")
 
 
-def save_checkpoint(path: Path, clone: Fitted, cloning: Fitting, seconds: float) -> None:
+def save_checkpoint(path: Path, clone: Clone, cloning: EpochFit, seconds: float) -> None:
     """Write network, Adam's moments, epochs and seconds, atomically."""
     content = {f"network.{name}": values for name, values in clone.module.state_dict().items()}
     for n, moments in cloning.optimizer.state_dict()["state"].items():
@@ -109,7 +81,7 @@ def save_checkpoint(path: Path, clone: Fitted, cloning: Fitting, seconds: float)
         safetensors.torch.save_file(content, part, {"epoch": str(cloning.epoch), "seconds": f"{seconds:.1f}"})
 
 
-def load_checkpoint(path: Path, clone: Fitted, cloning: Fitting) -> float | None:
+def load_checkpoint(path: Path, clone: Clone, cloning: EpochFit) -> float | None:
     """Restore :func:`save_checkpoint`'s checkpoint; return its seconds, or None."""
     content = safetensors.torch.load_file(path)
     clone.module.load_state_dict(
@@ -128,10 +100,7 @@ def load_checkpoint(path: Path, clone: Fitted, cloning: Fitting) -> float | None
 def training_data(arguments: BCArguments) -> tuple[DecisionDataset, dict[str, Any]]:
     """Return the data to fit the clone to, and facts for its card.
 
-    Raises
-    ------
-    BadArguments
-        If the data set does not fit the options.
+    Raises BadArguments if the data set does not fit the options.
     """
     if not arguments.dataset:
         # The same again after an interruption: they depend only on seeds.
@@ -149,14 +118,10 @@ def training_data(arguments: BCArguments) -> tuple[DecisionDataset, dict[str, An
             f"data set {dataset.id!r} contains {len(observations)} decisions, not the {arguments.demonstrations} that "
             "this run began with; begin another run."
         )
-    facts = {"dataset": dataset.id, "source": source_of(dataset), "cuts": int(dataset.total_episodes)}
-    return DecisionDataset(observations, actions), facts | {"decisions": len(observations)}
-
-
-def source_of(dataset: MinariDataset) -> str:
-    """Return the source of a data set's cuts, or "unknown"."""
     metadata = dataset.storage.metadata
-    return str(metadata.get("cutenv", {}).get("source", metadata.get("algorithm_name", "unknown")))
+    source = str(metadata.get("cutenv", {}).get("source", metadata.get("algorithm_name", "unknown")))
+    facts = {"dataset": dataset.id, "source": source, "cuts": int(dataset.total_episodes)}
+    return DecisionDataset(observations, actions), facts | {"decisions": len(observations)}
 
 
 def train(request: RunRequest[BCArguments], facts: dict[str, Any]) -> None:
@@ -176,12 +141,11 @@ def train(request: RunRequest[BCArguments], facts: dict[str, Any]) -> None:
     fit(clone, cloning, request, facts, begun)
 
 
-def fit(clone: Fitted, cloning: Fitting, request: RunRequest[Any], facts: dict[str, Any], begun: float) -> None:
+def fit(clone: Clone, cloning: EpochFit, request: RunRequest[Any], facts: dict[str, Any], begun: float) -> None:
     """Fit epoch by epoch, from a checkpoint if resumed.
 
-    Export the epoch that does best on validation specimens.
-
-    ``begun`` is the time at which the work began (``time.monotonic``); for the rest see :func:`train`.
+    Export the epoch that does best on validation specimens. ``begun`` is the time at which the work began
+    (``time.monotonic``); for the rest see :func:`train`.
     """
     arguments, run = request.arguments, request.run
     torch.set_num_threads(1)  # as for PPO
@@ -195,7 +159,11 @@ def fit(clone: Fitted, cloning: Fitting, request: RunRequest[Any], facts: dict[s
         begun -= seconds
         print(f"resuming after {cloning.epoch} epochs")
     every = max(arguments.epochs // arguments.validations, 1)
-    events = event_writer(arguments, run)
+    events: Any = None
+    if arguments.tensorboard:
+        from torch.utils.tensorboard import SummaryWriter
+
+        events = SummaryWriter(str(run / "tensorboard"))
     saved = time.monotonic()
     for _ in tqdm(range(cloning.epoch, arguments.epochs), desc="fitting", unit="epoch"):
         cloning.run_epoch()
@@ -222,15 +190,6 @@ def fit(clone: Fitted, cloning: Fitting, request: RunRequest[Any], facts: dict[s
             break
     if events is not None:
         events.close()
-
-
-def event_writer(arguments: BCArguments, run: Path) -> Any:
-    """Return a writer of events for TensorBoard, or None without ``--tensorboard``."""
-    if not arguments.tensorboard:
-        return None
-    from torch.utils.tensorboard import SummaryWriter
-
-    return SummaryWriter(str(run / "tensorboard"))
 
 
 def run_learner(

@@ -41,48 +41,21 @@ from cutenv.sim.tissue.specimen import CLASSES
 
 @dataclass(frozen=True, kw_only=True)
 class Protocol:
-    """The numbers of the comparison.
-
-    Attributes
-    ----------
-    version : str
-        Version of the protocol.
-    environment : str
-        Id of the environment.
-    training_class : str
-        Class of the specimens on which agents are trained and the headline is evaluated.
-    classes : tuple of str
-        Classes of held-out specimens.
-    script : str
-        Script from which differences are taken: the best of all by its mean return.
-    most_seeds : int
-        Largest number of training runs of one agent.
-    training : tuple of str
-        Options of ``cutenv train`` for every agent, before its own.
-    specimens : int
-        Number of held-out specimens of each class.
-    first_specimen : int
-        Index of the first of them in ``TEST_SEEDS``; earlier ones serve for the reports of runs and the design of the
-        reward.  It moves on by 10 000 with every version, so that nothing is tuned on held-out specimens for long.
-    feed_specimens : int
-        Number of validation specimens on which the best constant feed is chosen.
-    sweep_specimens : int
-        Number of held-out specimens for every constant that is swept.
-    resamples : int
-        Number of bootstrap resamples.
-    """
+    """The numbers of the comparison."""
 
     version: str = "3"
     environment: str = ENVIRONMENT
-    training_class: str = "mixed"
-    classes: tuple[str, ...] = tuple(reversed(CLASSES))
-    script: str = "return stroke"
-    most_seeds: int = 10
-    training: tuple[str, ...] = ()
-    specimens: int = 1000
+    training_class: str = "mixed"  # class of the specimens on which agents are trained and the headline is evaluated
+    classes: tuple[str, ...] = tuple(reversed(CLASSES))  # classes of held-out specimens
+    script: str = "return stroke"  # script from which differences are taken: the best of all by its mean return
+    most_seeds: int = 10  # largest number of training runs of one agent
+    training: tuple[str, ...] = ()  # options of ``cutenv train`` for every agent, before its own
+    specimens: int = 1000  # number of held-out specimens of each class
+    # index of the first of them in ``TEST_SEEDS``; earlier ones serve for the reports of runs and the design of the
+    # reward.  It moves on by 10 000 with every version, so that nothing is tuned on held-out specimens for long
     first_specimen: int = 10_000
-    feed_specimens: int = 200
-    sweep_specimens: int = 200
+    feed_specimens: int = 200  # number of validation specimens on which the best constant feed is chosen
+    sweep_specimens: int = 200  # number of held-out specimens for every constant that is swept
     resamples: int = 2000
 
     def __post_init__(self) -> None:
@@ -109,8 +82,7 @@ RunRows = Sequence[Mapping[str, Any]]
 """Rows of one run, a cut each: ``seed``, ``specimen_class`` and scores, as numbers or as text."""
 
 IQM, MEAN = "interquartile mean", "mean"
-STATISTICS: dict[str, Callable[[np.ndarray], np.ndarray]] = {IQM: interquartile_mean, MEAN: mean}
-"""Statistics by name."""
+STATISTICS: dict[str, Callable[[np.ndarray], np.ndarray]] = {IQM: interquartile_mean, MEAN: mean}  # statistics by name
 
 
 @dataclass(frozen=True)
@@ -168,14 +140,8 @@ def paired_difference(runs: Sequence[RunRows], others: Sequence[RunRows], score:
 def standing(runs: Sequence[RunRows], script: RunRows, protocol: Protocol) -> dict[TableColumn, Interval]:
     """Return the numbers of a policy's row.
 
-    Parameters
-    ----------
-    runs : sequence of RunRows
-        Cuts of the headline's specimens, by training run; a script has one.
-    script : RunRows
-        Those of the protocol's script.
-    protocol : Protocol
-        Number of resamples.
+    ``runs`` are cuts of the headline's specimens by training run, of which a script has one; ``script`` those of the
+    protocol's.
     """
     found = {}
     for column in TABLE_COLUMNS:
@@ -206,8 +172,7 @@ def returns_after(curve: Sequence[Mapping[str, float]]) -> dict[str, float | Non
 
 
 OF_SCRIPT, SCRATCH, DEMONSTRATED, CORRECTION = "script", "from scratch", "with demonstrations", "correction of a script"
-ENTRY_KINDS = (OF_SCRIPT, SCRATCH, DEMONSTRATED, CORRECTION)
-"""Kinds of policies; each has ranks of its own."""
+ENTRY_KINDS = (OF_SCRIPT, SCRATCH, DEMONSTRATED, CORRECTION)  # kinds of policies; each has ranks of its own
 
 
 def training_kind(training: Mapping[str, Any]) -> str:
@@ -235,10 +200,7 @@ def entry_files(name: str) -> dict[str, bytes]:
     They are all files of its folder; of a class, MODULE:CLASS, its module and those that it names in ``files``,
     relative to the present folder.  A script has none: it is this package's.
 
-    Raises
-    ------
-    OSError
-        If one cannot be read.
+    Raises OSError if one cannot be read.
     """
     folder = named_folder(name)
     if folder is not None:
@@ -270,16 +232,10 @@ def _sha256(*parts: bytes) -> bytes:
 
 
 def entry_seeds(digest: str, protocol: Protocol, salt: str = "") -> list[int]:
-    """Return the seeds of an entry's specimens, by its digest.
+    """Return the seeds of an entry's specimens, by its :func:`entry_digest`.
 
-    Parameters
-    ----------
-    digest : str
-        Result of :func:`entry_digest`.
-    protocol : Protocol
-        Protocol, whose version is part of what they are drawn from, and their number.
-    salt : str
-        What the host of a competition adds after the files are fixed, so that trying many files gains nothing.
+    The protocol's version is part of what they are drawn from, and so is ``salt``: what the host of a competition adds
+    after the files are fixed, so that trying many files gains nothing.
     """
     drawn = (
         hashlib.sha256(json.dumps([protocol.version, salt, digest, number]).encode()).digest()
@@ -288,8 +244,7 @@ def entry_seeds(digest: str, protocol: Protocol, salt: str = "") -> list[int]:
     return [ENTRY_SEEDS[int.from_bytes(one[:8]) % len(ENTRY_SEEDS)] for one in drawn]
 
 
-FORMAT = 2
-"""Version of the file."""
+FORMAT = 2  # version of the file
 CHOICES = ("control_hz", "angle_mode", "fixed_angle_deg")
 """Keyword arguments of the environment that a policy may choose; all others are the protocol's."""
 _BATCH = 200  # cuts simulated together
@@ -300,24 +255,12 @@ Finished = Callable[[int], Any]
 
 @dataclass(frozen=True)
 class SubmittedRun:
-    """Cuts of one training run, or of a script.
+    """Cuts of one training run, or of a script."""
 
-    Attributes
-    ----------
-    arguments : mapping
-        Keyword arguments of the environment that the policy chose.
-    returns : tuple of float
-        Return of each cut.
-    actions : tuple of array of float32, shape (decisions, 2)
-        Actions of each cut.
-    after : mapping of str to float or None
-        Returns in training, of :func:`cutenv.agents.learning.benchmark.returns_after`; they are the author's own.
-    """
-
-    arguments: Mapping[str, Any]
+    arguments: Mapping[str, Any]  # keyword arguments of the environment that the policy chose
     returns: tuple[float, ...]
-    actions: tuple[np.ndarray, ...]
-    after: Mapping[str, float | None]
+    actions: tuple[np.ndarray, ...]  # actions of each cut, shape (decisions, 2)
+    after: Mapping[str, float | None]  # returns in training, of :func:`returns_after`; they are the author's own
 
 
 @dataclass(frozen=True)
@@ -363,16 +306,14 @@ class _Recorded(ArrayPolicy):
         return self.actions[-1]
 
 
-_ALIKE = 1e-3
-"""Difference of actions that another machine may make, whose sums of float32 round otherwise."""
+_ALIKE = 1e-3  # difference of actions that another machine may make, whose sums of float32 round otherwise
 
 
 class _Repeated(ArrayPolicy):
     """Actions as recorded, the last one of a cut for ever.
 
-    Beside them a policy that should have taken them, if any.
-
-    ``apart`` is the first cut in which it would have acted otherwise, with the decision.
+    Beside them a policy that should have taken them, if any. ``apart`` is the first cut in which it would have acted
+    otherwise, with the decision.
     """
 
     def __init__(self, actions: Sequence[np.ndarray], policy: ArrayPolicy | None) -> None:
@@ -417,10 +358,7 @@ def submitted_run(
 ) -> SubmittedRun:
     """Let a policy cut an entry's specimens, and keep its actions.
 
-    Raises
-    ------
-    ValueError
-        If the policy is shown the hidden state, or asks for another environment.
+    Raises ValueError if the policy is shown the hidden state, or asks for another environment.
     """
     policy = as_array_policy(one.policy)
     if policy.privileged:
@@ -440,24 +378,13 @@ def submitted_run(
 def replayed(
     entry: Submission, policies: Sequence[Contestant] = (), finished: Finished = lambda count: None
 ) -> list[list[dict[str, Any]]]:
-    """Repeat every cut from its seed and actions.
+    """Repeat every cut from its seed and actions; return the scores, by run.
 
-    Return the scores, by run.
+    ``policies``, one for each run, must act as the file says; without any that is not checked.  ``finished`` is called
+    with the number of cuts that have ended with a decision.
 
-    Parameters
-    ----------
-    entry : Submission
-        The entry.
-    policies : sequence of Contestant
-        Its policies, one for each run, which must act as the file says; none: that is not checked.
-    finished : callable
-        Called with the number of cuts that have ended with a decision.
-
-    Raises
-    ------
-    ValueError
-        If a return differs in its last bit, a cut takes another number of decisions, or a policy acts otherwise; names
-        the cut.
+    Raises ValueError if a return differs in its last bit, a cut takes another number of decisions, or a policy acts
+    otherwise; names the cut.
     """
     repeated, seeds = [], entry.seeds
     if policies and len(policies) != len(entry.runs):
@@ -526,12 +453,8 @@ _LONGEST = 200
 def read_submission(path: Path, protocols: Sequence[Protocol] = (Protocol(), QUICK)) -> Submission:
     """Read an entry; nothing is replayed yet.
 
-    Raises
-    ------
-    OSError
-        If the file cannot be read.
-    ValueError
-        If it is damaged or not whole, or was made for another environment or protocol; names what is wrong.
+    Raises OSError if the file cannot be read; ValueError if it is damaged or not whole, or was made for another
+    environment or protocol; names what is wrong.
     """
     try:
         content = json.loads(path.read_text(encoding="utf-8"))

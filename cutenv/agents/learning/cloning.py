@@ -9,6 +9,7 @@ target is the action that the script would have taken without it.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
@@ -23,38 +24,28 @@ from cutenv.agents.policy import Policy
 from cutenv.agents.policy.interface import as_array_policy
 from cutenv.agents.sb3 import FeatureVecEnv
 
-Batch = tuple[torch.Tensor, torch.Tensor, torch.Tensor]
-"""Observations, shape (..., size), actions, shape (..., k), and weights 1 or 0, shape (...)."""
+Batch = tuple[torch.Tensor, ...]
+"""Observations, shape (..., size), actions, shape (..., k), and further parts; of cuts, weights 1 or 0, shape (...)."""
 
 
 class Transitions(NamedTuple):
     """Decisions with their outcomes, for learners that estimate values."""
 
-    observations: np.ndarray
-    """Features, shape (decisions, size)."""
-    actions: np.ndarray
-    """Actions as they were taken, shape (decisions, k)."""
-    rewards: np.ndarray
-    """Rewards, shape (decisions,)."""
-    next_observations: np.ndarray
-    """Features at the next decision, shape (decisions, size); of the next cut where one ended."""
-    ends: np.ndarray
-    """True where the cut ended, shape (decisions,)."""
+    observations: np.ndarray  # features, shape (decisions, size)
+    actions: np.ndarray  # actions as they were taken, shape (decisions, k)
+    rewards: np.ndarray  # rewards, shape (decisions,)
+    next_observations: np.ndarray  # features at the next decision, shape (decisions, size); of the next cut at an end
+    ends: np.ndarray  # True where the cut ended, shape (decisions,)
 
 
 class Demonstrations(NamedTuple):
     """Consecutive decisions of a script in n environments."""
 
-    observations: np.ndarray
-    """Features from the environments, shape (decisions, n, size)."""
-    actions: np.ndarray
-    """Actions of the script without noise, shape (decisions, n, k)."""
-    starts: np.ndarray
-    """True where a cut begins, shape (decisions, n)."""
-    taken: np.ndarray
-    """Actions as they were taken, with the noise, shape (decisions, n, k)."""
-    rewards: np.ndarray
-    """Rewards, shape (decisions, n)."""
+    observations: np.ndarray  # features from the environments, shape (decisions, n, size)
+    actions: np.ndarray  # actions of the script without noise, shape (decisions, n, k)
+    starts: np.ndarray  # True where a cut begins, shape (decisions, n)
+    taken: np.ndarray  # actions as they were taken, with the noise, shape (decisions, n, k)
+    rewards: np.ndarray  # rewards, shape (decisions, n)
 
     def transitions(self) -> Transitions:
         """Return all decisions except each environment's last, whose successor is unknown."""
@@ -85,10 +76,11 @@ class Demonstrations(NamedTuple):
 
 
 class DecisionDataset:
-    """Observations and the actions to take; ``batch_size`` counts decisions."""
+    """Observations, the actions to take, and what else is known of each decision; ``batch_size`` counts decisions."""
 
-    def __init__(self, observations: np.ndarray, actions: np.ndarray) -> None:
-        self.observations, self.actions = torch.as_tensor(observations), torch.as_tensor(actions)
+    def __init__(self, observations: np.ndarray, actions: np.ndarray, *further: np.ndarray) -> None:
+        self.parts = [torch.as_tensor(part) for part in (observations, actions, *further)]
+        self.observations, self.actions = self.parts[:2]
 
     def count(self, batch_size: int) -> int:
         """Return the number of batches of an epoch."""
@@ -98,7 +90,7 @@ class DecisionDataset:
         """Yield every decision once, in random order."""
         order = torch.randperm(len(self.observations), generator=generator)
         for batch in order.split(batch_size):  # type: ignore[no-untyped-call]
-            yield self.observations[batch], self.actions[batch], torch.ones(len(batch))
+            yield tuple(part[batch] for part in self.parts)
 
 
 class CutDataset(NamedTuple):
@@ -143,20 +135,10 @@ def demonstrations(
     noise: float,
     seed: int,
 ) -> Demonstrations:
-    """Let a script cut in all environments.
+    """Let a script cut in all environments, which are reset first.
 
-    Parameters
-    ----------
-    environments : FeatureVecEnv or EnvironmentGroups
-        Environments to cut in; they are reset first.
-    make_script : callable
-        Function that makes a script.
-    decisions : int
-        Total number of decisions, rounded up to a multiple of the number of environments.
-    noise : float
-        Standard deviation of the noise added to the actions in every other environment.
-    seed : int
-        Seed of the noise.
+    ``decisions`` are those of all, rounded up to a multiple of their number; noise of this standard deviation is added
+    to the actions in every other environment.
     """
     rng = np.random.default_rng(seed)
     count = environments.num_envs
@@ -190,23 +172,59 @@ def script_demonstrations(
     )
 
 
-class Cloning:
-    """Least-squares fit of a network to a data set, by epochs.
+class FitNumbers(NamedTuple):
+    """Hyperparameters of a fit."""
 
-    The order of an epoch depends only on the seed and the number of the epoch, so that a resumed cloning gives the same
+    epochs: int
+    batch_size: int
+    learning_rate: float
+    seed: int
+
+
+class EpochFit(ABC):
+    """Fit of parameters to a data set, epoch by epoch; the rate of learning falls along half a cosine to zero.
+
+    The order of an epoch depends only on the seed and the number of the epoch, so that a resumed fit gives the same
     network as one that was not interrupted.
-
-    Parameters
-    ----------
-    network : callable
-        Function from observations to actions.
-    parameters : list of torch.nn.Parameter
-        Parameters of the network to fit.
-    dataset : DecisionDataset or CutDataset
-        Observations and the actions to take.
-    epochs, batch_size, learning_rate, seed
-        Hyperparameters; the learning rate falls along half a cosine to zero.
     """
+
+    def __init__(
+        self, parameters: list[torch.nn.Parameter], dataset: DecisionDataset | CutDataset, numbers: FitNumbers
+    ) -> None:
+        self._dataset = dataset
+        self._epochs, self._batch_size, self._rate, self._seed = numbers
+        self.optimizer = torch.optim.Adam(parameters, lr=self._rate)
+        self.epoch = 0  # number of completed epochs
+
+    def run_epoch(self) -> None:
+        """Go through the data set once."""
+        generator = torch.Generator().manual_seed(1000 * self._seed + self.epoch)
+        per_epoch = self._dataset.count(self._batch_size)
+        for k, batch in enumerate(self._dataset.batches(self._batch_size, generator)):
+            share = (self.epoch + k / per_epoch) / self._epochs
+            for group in self.optimizer.param_groups:
+                group["lr"] = 0.5 * self._rate * (1.0 + math.cos(math.pi * share))
+            loss = self.loss(batch)
+            self.optimizer.zero_grad()
+            loss.backward()  # type: ignore[no-untyped-call]
+            self.optimizer.step()
+            self.stepped()
+        self.epoch += 1
+
+    @abstractmethod
+    def loss(self, batch: Batch) -> torch.Tensor:
+        """Return the loss of a batch."""
+
+    def stepped(self) -> None:  # noqa: B027
+        """Do what follows a gradient step, if anything does."""
+
+    @abstractmethod
+    def error(self) -> float:
+        """Return the root mean square error of the actions."""
+
+
+class Cloning(EpochFit):
+    """Least-squares fit of a network to demonstrated actions."""
 
     def __init__(
         self,
@@ -219,31 +237,19 @@ class Cloning:
         learning_rate: float = 2e-3,
         seed: int = 0,
     ) -> None:
-        self._network, self._dataset = network, dataset
-        self._epochs, self._batch_size, self._rate, self._seed = epochs, batch_size, learning_rate, seed
-        self.optimizer = torch.optim.Adam(parameters, lr=learning_rate)
-        self.epoch = 0
-        """Number of completed epochs."""
-
-    def run_epoch(self) -> None:
-        """Go through the data set once."""
-        generator = torch.Generator().manual_seed(1000 * self._seed + self.epoch)
-        per_epoch = self._dataset.count(self._batch_size)
-        for k, batch in enumerate(self._dataset.batches(self._batch_size, generator)):
-            share = (self.epoch + k / per_epoch) / self._epochs
-            for group in self.optimizer.param_groups:
-                group["lr"] = 0.5 * self._rate * (1.0 + math.cos(math.pi * share))
-            squares, count = self._squares(batch)
-            self.optimizer.zero_grad()
-            (squares / count).backward()  # type: ignore[no-untyped-call]
-            self.optimizer.step()
-        self.epoch += 1
+        super().__init__(parameters, dataset, FitNumbers(epochs, batch_size, learning_rate, seed))
+        self._network = network
 
     def run(self) -> float:
         """Run all epochs; return the remaining root mean square error."""
         for _ in tqdm(range(self._epochs), desc="cloning", unit="epoch"):
             self.run_epoch()
         return self.error()
+
+    def loss(self, batch: Batch) -> torch.Tensor:
+        """Return the mean square error of the actions."""
+        squares, count = self._squares(batch)
+        return squares / count
 
     def error(self) -> float:
         """Return the root mean square error of the network's actions."""
@@ -255,5 +261,6 @@ class Cloning:
         return math.sqrt(total / counted)
 
     def _squares(self, batch: Batch) -> tuple[torch.Tensor, torch.Tensor]:
-        observations, actions, weights = batch
+        observations, actions, *further = batch
+        weights = further[0] if further else torch.ones(len(actions))
         return (((self._network(observations) - actions) ** 2).mean(-1) * weights).sum(), weights.sum()

@@ -31,12 +31,9 @@ from cutenv.task.registry import task_made_as
 class AddedInfos(NamedTuple):
     """Infos that the data sets of one task add."""
 
-    felt: Mapping[str, str]
-    """Meaning of what is observed, by name with unit."""
-    shown: tuple[str, ...]
-    """Components of the observation that these are, in order."""
-    hidden: Mapping[str, str]
-    """Meaning of what only the simulator knows, by its name in ``info["truth"]``."""
+    felt: Mapping[str, str]  # meaning of what is observed, by name with unit
+    shown: tuple[str, ...]  # components of the observation that these are, in order
+    hidden: Mapping[str, str]  # meaning of what only the simulator knows, by its name in ``info["truth"]``
 
     @property
     def meanings(self) -> dict[str, str]:
@@ -112,39 +109,20 @@ HIDDEN = {
 """Further infos of a simulated cut."""
 INTERVENED = {"is_intervention": "1 where a person led the blade since the last decision"}
 """Further infos of a cut under :class:`cutenv.envs.SharedControl`."""
-ESTIMATED = {"tip_estimate_m": "crack tip, as a rig estimates it from the force"}
-"""Further infos of a recorded cut."""
+ESTIMATED = {"tip_estimate_m": "crack tip, as a rig estimates it from the force"}  # further infos of a recorded cut
 
 
 @dataclass(frozen=True, kw_only=True)
 class Demonstration:
-    """A cut of n decisions.
+    """A cut of n decisions."""
 
-    Attributes
-    ----------
-    observations : ndarray of shape (n + 1, 12), float32
-        Observations as the environment returned them, or would have.
-    actions : ndarray of shape (n, 2), float32
-        Actions in [-1, 1].
-    rewards : ndarray of shape (n,)
-        Rewards of the decisions.
-    terminated : bool
-        True if the cut reached one of the task's ends; False if the record ended before.
-    infos : dict of ndarray of shape (n + 1,)
-        :data:`FELT` and :data:`HIDDEN` or :data:`ESTIMATED`, the unit in the name.
-    seed : int or None
-        Seed with which the environment's ``reset`` draws the same specimen; None for a recorded cut.
-    about : dict
-        Facts about this cut: target length, and the record's metadata.
-    """
-
-    observations: np.ndarray
-    actions: np.ndarray
-    rewards: np.ndarray
-    terminated: bool
-    infos: dict[str, np.ndarray]
-    seed: int | None
-    about: dict[str, Any]
+    observations: np.ndarray  # observations as the environment returned them, or would have, shape (n + 1, 12)
+    actions: np.ndarray  # actions in [-1, 1], shape (n, 2)
+    rewards: np.ndarray  # rewards of the decisions, shape (n,)
+    terminated: bool  # True if the cut reached one of the task's ends; False if the record ended before
+    infos: dict[str, np.ndarray]  # :data:`FELT` and :data:`HIDDEN` or :data:`ESTIMATED`, shape (n + 1,)
+    seed: int | None  # seed with which the environment's ``reset`` draws the same specimen; None for a recorded cut
+    about: dict[str, Any]  # facts about this cut: target length, and the record's metadata
 
 
 class _Steps:
@@ -217,21 +195,11 @@ def recorded(
 ) -> Demonstration:
     """Make a demonstration of a record, noting who led if shared.
 
-    Parameters
-    ----------
-    trace : Trace
-        Record with force in newtons, position, angle and depth, from the clamp on.
-    control_hz : int
-        Number of decisions per second; must divide 1000.
-    target_length : float, optional
-        Length of cut that was aimed at [m], where the record has no ``target_length_m`` of its own.
-    deadline : float
-        Deadline of the cut [s].
+    The record has force in newtons, position, angle and depth, from the clamp on; ``control_hz`` divides 1000;
+    ``target_length`` [m] is for one without ``target_length_m``; ``deadline`` is in seconds.
 
-    Raises
-    ------
-    ValueError
-        If the record lacks a field for the observation (the message names it), has too few readings, or has no target.
+    Raises ValueError if the record lacks a field for the observation (the message names it), has too few readings, or
+    has no target.
     """
     plant = ReplayPlant(trace)
     ticks, readings = round(1.0 / (TICK * control_hz)), plant.readings

@@ -19,8 +19,7 @@ from cutenv.sim.cutting.drive import Rig
 from cutenv.sim.cutting.dtypes import TICK
 from cutenv.sim.cutting.sensor import SensorParameters
 
-RANDOM_GROUPS = (Rig, SensorParameters, Knowledge)
-"""Groups of the constants that are drawn."""
+RANDOM_GROUPS = (Rig, SensorParameters, Knowledge)  # groups of the constants that are drawn
 
 
 def random_rigs(count: int, seed: int) -> list[dict[str, float]]:
@@ -28,7 +27,8 @@ def random_rigs(count: int, seed: int) -> list[dict[str, float]]:
 
     Each constant is drawn uniformly between the ends of its sensitivity range, those of the parameter table.
     """
-    ranges = {row["name"]: (row["default"], *row["sensitivity"]) for row in _swept()}
+    swept = [row for row in parameter_table(*RANDOM_GROUPS) if row["sensitivity"]]
+    ranges = {row["name"]: (row["default"], *row["sensitivity"]) for row in swept}
     rng = np.random.default_rng([seed, count])
     drawn = [
         {name: float(rng.uniform(min(values), max(values))) for name, values in ranges.items()} for _ in range(count)
@@ -36,21 +36,11 @@ def random_rigs(count: int, seed: int) -> list[dict[str, float]]:
     return [{}, *drawn[1:]]
 
 
-def _swept() -> list[dict[str, Any]]:
-    return [row for row in parameter_table(*RANDOM_GROUPS) if row["sensitivity"]]
-
-
 class EnvironmentGroups(VecEnv):
     """Groups of :class:`~cutenv.agents.sb3.FeatureVecEnv` that share seeds and step together.
 
-    Parameters
-    ----------
-    groups : sequence of mapping
-        Keyword arguments of the environments of each group, such as the constants of a rig.
-    seeds : sequence of int
-        Seed of each environment, at least as many as groups.
-    **arguments
-        Keyword arguments of :class:`~cutenv.agents.sb3.FeatureVecEnv` that all share.
+    Each group has keyword arguments of its own, such as the constants of a rig, beside ``arguments`` that all share;
+    there are at least as many seeds, one for each environment, as groups.
     """
 
     def __init__(self, groups: Sequence[Mapping[str, float]], seeds: Sequence[int], **arguments: Any) -> None:
@@ -144,10 +134,8 @@ class EnvironmentGroups(VecEnv):
 
 NEARER = (0.015, 0.025, 0.040, 0.055)
 """Distances before the target from which cuts of an easier task begin [m]; from 10 mm a cut could be over at once."""
-COSTS_AT_FIRST = 0.1
-"""Part of every cost that an easier task charges at first."""
-IMPATIENCE = 1.0
-"""Charge of an easier task at first for the whole time until the deadline, beside the reward."""
+COSTS_AT_FIRST = 0.1  # part of every cost that an easier task charges at first
+IMPATIENCE = 1.0  # charge of an easier task at first for the whole time until the deadline, beside the reward
 
 
 class EasierEnvironments(EnvironmentGroups):
@@ -157,20 +145,9 @@ class EasierEnvironments(EnvironmentGroups):
 
     Half of the cuts begin nearer to the target, at :data:`NEARER`, to the end.  Costs count a tenth at first, so that
     trying is not charged more than it gains; and time counts more, so that it does not pay to stand still and wait: an
-    end for safety, too, is charged the time that is left.  Both become those of the task linearly.  Returns in the
-    infos are the task's own.
-
-    Parameters
-    ----------
-    until : float
-        Share of the training, above 0, after which costs and time count as in the task.
-    seeds, **arguments
-        See :class:`EnvironmentGroups`; at least eight seeds.
-
-    Attributes
-    ----------
-    share : float
-        Share of the training that is done; who trains sets it.
+    end for safety, too, is charged the time that is left.  Both become those of the task linearly, within the share
+    ``until`` of the training, above 0; who trains sets ``share``, what is done of it.  Returns in the infos are the
+    task's own.
     """
 
     def __init__(self, until: float, seeds: Sequence[int], **arguments: Any) -> None:

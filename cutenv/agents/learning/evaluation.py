@@ -42,51 +42,23 @@ METRIC_PREFIX = "metric_"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FinishedCut:
-    """One cut by one policy.
+    """One cut by one policy."""
 
-    Parameters
-    ----------
-    seed : int
-        Seed of the environment, whose first episode it was.
-    end : str
-        Reason of its end.
-    success : bool
-        True if it succeeded.
-    truth : mapping
-        ``info["truth"]`` at the end.
-    reward_totals : mapping of str to float
-        Sum of each term of the reward over the cut.
-    cost_totals : mapping of str to float
-        Sum of each part of the cost over the cut: ``overshoot_mm``, ``long_runs_mm`` [mm].
-    largest_jump_m : float
-        Largest unstable growth in a millisecond [m].
-    time_s : float
-        Time of its end [s].
-    readings : Records
-        Readings at 1 kHz, :data:`cutenv.sim.cutting.dtypes.READING`, shape (n,), hidden tip included; for the scores
-        alone, ``true_force`` is enough.
-    depth, measured_depth, resistance : array, shape (301,)
-        Depth [m], as measured beforehand [m], and fracture resistance [J/m2] of the specimen along the line.
-    further : mapping of str to float
-        Scores that the task adds.
-    shown_depth : ShownDepth, optional
-        Depth of the cut for a picture, of a task with a third axis.
-    """
-
-    seed: int
+    seed: int  # seed of the environment, whose first episode it was
     end: str
     success: bool
-    truth: Mapping[str, Any]
-    reward_totals: Mapping[str, float]
-    cost_totals: Mapping[str, float]
-    largest_jump_m: float
-    time_s: float
-    readings: StructArray
+    truth: Mapping[str, Any]  # ``info["truth"]`` at the end
+    reward_totals: Mapping[str, float]  # sum of each term of the reward over the cut
+    cost_totals: Mapping[str, float]  # sum of each part of the cost: ``overshoot_mm``, ``long_runs_mm`` [mm]
+    largest_jump_m: float  # largest unstable growth in a millisecond [m]
+    time_s: float  # time of its end [s]
+    readings: StructArray  # at 1 kHz, READING, shape (n,), hidden tip included; the scores need ``true_force`` alone
+    # depth [m], as measured beforehand [m], and fracture resistance [J/m2] of the specimen along the line, shape (301,)
     depth: np.ndarray
     measured_depth: np.ndarray
     resistance: np.ndarray
-    further: Mapping[str, float] = field(default_factory=dict)
-    shown_depth: ShownDepth | None = None
+    further: Mapping[str, float] = field(default_factory=dict)  # scores that the task adds
+    shown_depth: ShownDepth | None = None  # depth of the cut for a picture, of a task with a third axis
 
     def scores(self) -> dict[str, Any]:
         """Return the scores that follow from task and hidden state."""
@@ -129,8 +101,7 @@ def metric_column(name: str) -> str:
     return METRIC_PREFIX + name + suffix
 
 
-_SCORED = np.dtype([("true_force", "f8")])
-"""Readings from which the scores follow: a ninth of the memory of all."""
+_SCORED = np.dtype([("true_force", "f8")])  # readings from which the scores follow: a ninth of the memory of all
 _TERMS, _COSTS = ([column(field) for field in GROUPS[group]] for group in ("reward_terms", "cost_terms"))
 
 
@@ -144,18 +115,9 @@ def batched_rollout(
 ) -> list[FinishedCut]:
     """Let a policy cut the first episode of each seed.
 
-    Parameters
-    ----------
-    policy : Policy
-        The policy; one that was written for single cuts is copied for each.
-    seeds : sequence of int
-        Seeds, one for each cut.
-    arguments : mapping
-        Keyword arguments of the environment, and "task" if it is not that of gentle cutting.
-    readings : bool
-        Whether the finished cuts hold every field of their readings; else only those that the scores need.
-    finished : callable, optional
-        Called with the number of cuts that have ended with a decision.
+    A policy that was written for single cuts is copied for each.  ``arguments`` are those of the environment, and
+    "task" if it is not gentle cutting; with ``readings`` the finished cuts hold every field of them, else only what the
+    scores need; ``finished`` is called with the number of cuts that have ended with a decision.
     """
     task, own = task_of(arguments)
     count, environment = len(seeds), task.single(**own)
@@ -234,12 +196,13 @@ class Contestant:
 
     policy: Policy
     arguments: Mapping[str, Any] = field(default_factory=dict)
-    specimens: int | None = None
-    """Number of the first specimens, which it cuts alone; by default it cuts all."""
+    specimens: int | None = None  # number of the first specimens, which it cuts alone; by default it cuts all
 
 
-def _end_with_parent() -> None:
-    """End this worker when its parent is killed."""
+def _begin_worker() -> None:
+    """Use one core, leave Ctrl-C to the parent, and end when that is killed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    set_cores(1)
 
     def watch() -> None:
         parent = multiprocessing.parent_process()
@@ -248,13 +211,6 @@ def _end_with_parent() -> None:
             os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
-
-
-def _begin_worker() -> None:
-    """Use one core, and leave Ctrl-C to the parent."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    set_cores(1)
-    _end_with_parent()
 
 
 @contextlib.contextmanager
@@ -309,22 +265,9 @@ def evaluate(
 ) -> list[dict[str, Any]]:
     """Return every contestant's scores per seed, one row per cut.
 
-    Parameters
-    ----------
-    contestants : mapping of str to Contestant
-        Policies by name; all cut the same specimens, or the first of them.
-    seeds : sequence of int
-        Seeds, one for each specimen.
-    arguments : mapping
-        Keyword arguments of the environment; those of a contestant take precedence.
-    processes : int, optional
-        Number of processes; default one per core, or none of their own for few cuts.
-    description : str
-        Text before the progress bar.
-    metrics : bool
-        Whether to add every metric of the score card.
-    pool : Executor, optional
-        Processes of :func:`workers` to use instead.
+    All cut the same specimens, or the first of them, in environments of ``arguments``, over which a contestant's take
+    precedence; ``metrics`` adds every metric of the score card.  They cut in ``processes``, by default one per core, or
+    none of their own for few cuts, or in a ``pool`` of :func:`workers`.
     """
     parts, work = [], 0
     for name, one in contestants.items():
@@ -361,10 +304,7 @@ def contestant(name: str) -> Contestant:
     Its arguments have "task" if it is not for gentle cutting. A folder is that of a policy or of a training run; a
     class is ``MODULE:CLASS``.
 
-    Raises
-    ------
-    ValueError
-        If there is none; the message names the nearest.
+    Raises ValueError if there is none; the message names the nearest.
     """
     if name in BASELINES:
         return Contestant(BASELINES[name]())

@@ -10,7 +10,6 @@ the hidden state where the data contain it, as cuts in the simulator do.
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -20,10 +19,10 @@ import torch
 
 from cutenv.agents.learning import bc
 from cutenv.agents.learning.arguments import BadArguments, IQLArguments
-from cutenv.agents.learning.cloning import Transitions, demonstrations
+from cutenv.agents.learning.cloning import Batch, DecisionDataset, EpochFit, FitNumbers, Transitions, demonstrations
 from cutenv.agents.learning.minari_datasets import cloning_data, opened
 from cutenv.agents.learning.run_folder import RunRequest
-from cutenv.agents.policy import BASELINES, Network
+from cutenv.agents.policy import BASELINES
 
 if TYPE_CHECKING:
     from minari import MinariDataset
@@ -41,75 +40,46 @@ def _layers(inputs: int, hidden: int) -> torch.nn.Sequential:
     )
 
 
-class Agent:
+class Agent(bc.Clone):
     """Actor, value of states, and two critics with their targets.
 
     ``inputs`` is the size of the data's observations.
     """
 
     def __init__(self, arguments: IQLArguments, inputs: int) -> None:
-        self.actor = bc.Clone(arguments)
+        super().__init__(arguments)
         self.value = _layers(inputs, arguments.hidden)
         self.critics, self.targets = (
             torch.nn.ModuleList(_layers(inputs + 2, arguments.hidden) for _ in range(2)) for _ in range(2)
         )
         self.targets.load_state_dict(self.critics.state_dict())
         self.module = torch.nn.ModuleDict(
-            {"actor": self.actor.module, "value": self.value, "critics": self.critics, "targets": self.targets}
+            {"actor": self.actor, "value": self.value, "critics": self.critics, "targets": self.targets}
         )
 
-    def predict(self, *args: Any, **kwargs: Any) -> tuple[np.ndarray, None]:
-        """Return the actions, and None as the state."""
-        return self.actor.predict(*args, **kwargs)
 
-    def network(self) -> Network:
-        """Return the actor in NumPy."""
-        return self.actor.network()
-
-
-class ImplicitQLearning:
-    """Fit of an agent to transitions, epoch by epoch.
-
-    The order depends only on the seed and the epoch's number.
-    """
+class ImplicitQLearning(EpochFit):
+    """Fit of an agent to transitions."""
 
     def __init__(self, agent: Agent, data: Transitions, arguments: IQLArguments) -> None:
         self._agent, self._arguments = agent, arguments
-        self._data = [torch.as_tensor(part) for part in data]
-        learned = [part for name, part in agent.module.items() if name != "targets"]
-        self.optimizer = torch.optim.Adam(
-            [p for part in learned for p in part.parameters()], lr=arguments.learning_rate
+        self._decisions = DecisionDataset(*data)
+        learned = (agent.actor, agent.value, agent.critics)
+        super().__init__(
+            [parameter for part in learned for parameter in part.parameters()],
+            self._decisions,
+            FitNumbers(arguments.epochs, arguments.batch_size, arguments.learning_rate, arguments.seed),
         )
-        self.epoch = 0
-        """Number of completed epochs."""
 
-    def run_epoch(self) -> None:
-        """Go through the data once."""
-        a = self._arguments
-        generator = torch.Generator().manual_seed(1000 * a.seed + self.epoch)
-        batches = torch.randperm(len(self._data[0]), generator=generator).split(a.batch_size)  # type: ignore[no-untyped-call]
-        for k, batch in enumerate(batches):
-            share = (self.epoch + k / len(batches)) / a.epochs
-            for group in self.optimizer.param_groups:
-                group["lr"] = 0.5 * a.learning_rate * (1.0 + math.cos(math.pi * share))
-            self.optimizer.zero_grad()
-            self._loss(*(part[batch] for part in self._data)).backward()  # type: ignore[no-untyped-call]
-            self.optimizer.step()
-            with torch.no_grad():
-                for target, own in zip(self._agent.targets.parameters(), self._agent.critics.parameters(), strict=True):
-                    target.lerp_(own, a.tau)
-        self.epoch += 1
+    def stepped(self) -> None:
+        """Let the targets follow the critics."""
+        with torch.no_grad():
+            for target, own in zip(self._agent.targets.parameters(), self._agent.critics.parameters(), strict=True):
+                target.lerp_(own, self._arguments.tau)
 
-    def _loss(
-        self,
-        seen: torch.Tensor,
-        actions: torch.Tensor,
-        rewards: torch.Tensor,
-        following: torch.Tensor,
-        ends: torch.Tensor,
-    ) -> torch.Tensor:
+    def loss(self, batch: Batch) -> torch.Tensor:
         """Return the sum of the losses, each of another network."""
-        a, agent = self._arguments, self._agent
+        (seen, actions, rewards, following, ends), a, agent = batch, self._arguments, self._agent
         both = torch.cat((seen, actions), dim=1)
         with torch.no_grad():
             least = torch.min(*(target(both)[:, 0] for target in agent.targets))
@@ -119,14 +89,15 @@ class ImplicitQLearning:
         value_loss = (weight * advantage**2).mean()  # equation 5
         critic_loss = sum(((critic(both)[:, 0] - wanted) ** 2).mean() for critic in agent.critics)  # equation 6
         liked = torch.exp(a.temperature * advantage.detach()).clamp(max=_HEAVIEST)
-        actor_loss = (liked * ((agent.actor(seen) - actions) ** 2).mean(-1)).mean()  # equation 7
+        actor_loss = (liked * ((agent(seen) - actions) ** 2).mean(-1)).mean()  # equation 7
         loss: torch.Tensor = value_loss + critic_loss + actor_loss
         return loss
 
     def error(self) -> float:
         """Return the root mean square error of the actor's actions."""
+        seen, actions, *_ = self._decisions.parts
         with torch.no_grad():
-            return float(((self._agent.actor(self._data[0]) - self._data[1]) ** 2).mean().sqrt())
+            return float(((self._agent(seen) - actions) ** 2).mean().sqrt())
 
 
 def transitions(dataset: MinariDataset, features: Mapping[str, Any]) -> Transitions:
@@ -145,10 +116,7 @@ def transitions(dataset: MinariDataset, features: Mapping[str, Any]) -> Transiti
 def transition_data(arguments: IQLArguments) -> tuple[Transitions, dict[str, Any]]:
     """Return the decisions to learn from, and facts for the card.
 
-    Raises
-    ------
-    BadArguments
-        If the data set does not fit the options.
+    Raises BadArguments if the data set does not fit the options.
     """
     if arguments.dataset:
         _, facts = bc.training_data(arguments)  # refuses a data set that has changed

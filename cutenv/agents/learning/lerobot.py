@@ -39,29 +39,21 @@ from cutenv.agents.learning.demonstration import (
     felt_now,
     infos_of,
 )
-from cutenv.agents.learning.minari_datasets import actions_of
+from cutenv.agents.learning.minari_datasets import meanings_of
 from cutenv.agents.policy.trained import observation_scaling
 from cutenv.task.registry import task_of
 
-LEROBOT_FORMAT = "v3.0"
-"""Version of LeRobot's format that is written."""
-ENV_FILE = "env.py"
-"""File in which LeRobot looks for the environment of a repository of its hub."""
+LEROBOT_FORMAT = "v3.0"  # version of LeRobot's format that is written
+ENV_FILE = "env.py"  # file in which LeRobot looks for the environment of a repository of its hub
 INSTRUCTION = "Cut the slice of liver gently to the target length, and unload the blade there."
 """Task of every cut in words, as LeRobot gives it to policies that read."""
 _ELSEWHERE = ("time_s", "is_success", *INTERVENED)
 _FORCES = {"force_N": "force_x_N", "lateral_force_N": "force_y_N", "vertical_force_N": "force_z_N"}
 """Components of ``observation.wrench`` that may be measured, by the names of the infos, in their order."""
 _FRAME = "blade: x against its motion, y to its right, z up"
-_FRAMES_IN_FILE, _FILES_IN_CHUNK, _MEGABYTES = (
-    200_000,
-    1000,
-    100,
-)  # LeRobot's limit is 100 MB; a frame is 0.3 kB at most
-_DATA, _EPISODES = (
-    "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
-    "meta/episodes/chunk-000/file-000.parquet",
-)
+_FRAMES_IN_FILE, _FILES_IN_CHUNK, _MEGABYTES = 200_000, 1000, 100  # LeRobot's limit is 100 MB; a frame is 0.3 kB
+_DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+_EPISODES = "meta/episodes/chunk-000/file-000.parquet"
 _QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
 _ID = re.compile(r"[-\w.]+/[-\w.]+")
 Columns = dict[str, NDArray[Any]]
@@ -70,12 +62,7 @@ Columns = dict[str, NDArray[Any]]
 def lerobot_folder(dataset_id: str) -> Path:
     """Return a new data set's folder below ``HF_LEROBOT_HOME`` or its default.
 
-    Raises
-    ------
-    ValueError
-        If the id is not ``owner/name``.
-    FileExistsError
-        If there is a data set of that id.
+    Raises ValueError if the id is not ``owner/name``; FileExistsError if there is a data set of that id.
     """
     if not _ID.fullmatch(dataset_id):
         raise ValueError(f"--dataset {dataset_id!r} must be owner/name for LeRobot, such as cutenv/probe.")
@@ -94,27 +81,12 @@ def measured_names(environment: str) -> tuple[str, ...]:
 def write_lerobot(
     folder: Path, source: str, keywords: Mapping[str, Any], demonstrations: Sequence[Demonstration]
 ) -> None:
-    """Write cuts as a LeRobot data set.
+    """Write cuts of one task as a LeRobot data set.
 
-    The folder is complete or does not exist.
+    The new ``folder`` is complete or does not exist; ``source`` is the policy or person that cut, for readers;
+    ``keywords`` are those of the environment.
 
-    Parameters
-    ----------
-    folder : path
-        New folder, such as :func:`lerobot_folder` gives.
-    source : str
-        Name of the policy or person that cut, for readers.
-    keywords : mapping
-        Keyword arguments of the environment.
-    demonstrations : sequence of Demonstration
-        At least one, of one task.
-
-    Raises
-    ------
-    ModuleNotFoundError
-        If pyarrow is not installed.
-    OSError
-        If the folder cannot be written.
+    Raises ModuleNotFoundError if pyarrow is not installed; OSError if the folder cannot be written.
     """
     parquet = optional_import("pyarrow.parquet", "pyarrow", "A LeRobot data set")
     task, _ = task_of(dict(keywords))
@@ -303,11 +275,8 @@ def _info(
         "features": features,
         "cutenv": {
             "version": cutenv.__version__,
-            "source": source,
             "environment": {"id": task.id, **keywords},
-            "observations": observation_scaling(task.id),  # value = number x scale + offset
-            "actions": actions_of(task),
-            "actions_are": "commands" if cut.seed is not None else "motion of the blade until the next decision",
+            **meanings_of(task, source, cut),
         },
     }
 
@@ -348,16 +317,6 @@ class LeRobotEnv(gymnasium.Wrapper[Any, Any, Any, Any]):
 
     ``agent_pos`` is the data sets' ``observation.state``: what a rig measures, the force in newtons;
     ``environment_state`` the environment's own observation, scaled.
-
-    Parameters
-    ----------
-    env : gymnasium.Env
-        Environment of this package.
-
-    Attributes
-    ----------
-    task, task_description : str
-        Its id, and what is to be done in words.
     """
 
     def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
@@ -392,28 +351,13 @@ class LeRobotEnv(gymnasium.Wrapper[Any, Any, Any, Any]):
 def make_env(
     n_envs: int = 1, use_async_envs: bool = False, cfg: Any = None, *, environment: Mapping[str, Any] | None = None
 ) -> dict[str, dict[int, VectorEnv[Any, Any, Any]]]:
-    """Make environments for LeRobot.
+    """Make environments for LeRobot, by the environment's id and a number.
 
-    Parameters
-    ----------
-    n_envs : int
-        Number of environments that are stepped together.
-    use_async_envs : bool
-        True to give each a process of its own.
-    cfg : object, optional
-        LeRobot's ``EnvConfig``; its ``task``, where it has one, must be the environment's.
-    environment : mapping, optional
-        Keyword arguments of the environment, with "task" for another than gentle cutting.
+    ``n_envs`` are stepped together, each in a process of its own if ``use_async_envs``; ``cfg`` is LeRobot's
+    ``EnvConfig``, whose ``task``, where it has one, must be the environment's; ``environment`` are its keyword
+    arguments, with "task" for another than gentle cutting.
 
-    Returns
-    -------
-    dict
-        Vector environments by the environment's id and a number, as LeRobot expects them.
-
-    Raises
-    ------
-    ValueError
-        If an argument is out of range, or ``cfg`` is for another task.
+    Raises ValueError if an argument is out of range, or ``cfg`` is for another task.
     """
     task, keywords = task_of(environment or {})
     count = round(in_range("n_envs", n_envs, 1, 4096, "1", "Give how many environments are stepped together."))

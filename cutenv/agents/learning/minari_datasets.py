@@ -46,38 +46,27 @@ if TYPE_CHECKING:
 _UNSET = "`(author|author_email|code_permalink|eval_env)` is set to None"  # Minari warns of each
 
 
-def actions_of(task: RegisteredTask) -> list[str]:
-    """Return the meaning of each number of a task's action."""
-    named = ["target speed: 0 within 0.1, 2.54 cm/s at 1", "(target angle - 67.5 deg) / 22.5 deg"]
-    axis = task.task.axis
-    return named if axis is None else [*named, f"{axis.meaning}: 0 within 0.1, then {axis.shown} {axis.unit}"]
+def meanings_of(task: RegisteredTask, source: str, cut: Demonstration) -> dict[str, Any]:
+    """Return source, and meaning of observations and actions, for a data set's metadata."""
+    actions = ["target speed: 0 within 0.1, 2.54 cm/s at 1", "(target angle - 67.5 deg) / 22.5 deg"]
+    if (axis := task.task.axis) is not None:
+        actions.append(f"{axis.meaning}: 0 within 0.1, then {axis.shown} {axis.unit}")
+    return {
+        "source": source,
+        "observations": observation_scaling(task.id),  # value = number x scale + offset
+        "actions": actions,
+        "actions_are": "commands" if cut.seed is not None else "motion of the blade until the next decision",
+    }
 
 
 def simulated_cuts(
     policy: str, environment: Mapping[str, Any], seeds: Sequence[int]
 ) -> tuple[dict[str, Any], list[Demonstration]]:
-    """Let a policy cut the specimens of these seeds.
+    """Let a policy, by name or folder, cut one specimen for each seed.
 
-    Parameters
-    ----------
-    policy : str
-        Name of a baseline or a shipped policy, or the folder of a trained one.
-    environment : mapping
-        Keyword arguments of the environment; those that the policy was trained with take precedence.
-    seeds : sequence of int
-        Seeds, one for each specimen.
+    Return the environment's keyword arguments, those that the policy was trained with taking precedence, and the cuts.
 
-    Returns
-    -------
-    keywords : dict
-        Keyword arguments of the environment that was used.
-    cuts : list of Demonstration
-        One cut for each seed.
-
-    Raises
-    ------
-    ValueError
-        If there is no such policy.
+    Raises ValueError if there is no such policy.
     """
     chosen = contestant(policy)
     keywords = {**environment, **chosen.arguments}
@@ -91,20 +80,10 @@ def recorded_cuts(
 ) -> tuple[dict[str, Any], list[Demonstration]]:
     """Make demonstrations of the cuts in these files; see :func:`simulated_cuts`.
 
-    Parameters
-    ----------
-    paths : sequence of str or Path
-        Files of records: CSV, Parquet or HDF5.
-    environment : mapping
-        Keyword arguments of the environment, including ``control_hz``; its reward is computed from estimates, as it is
-        on a rig.
-    target_length : float or None
-        Target length of cut [m] for records that have none of their own.
+    The ``environment`` has ``control_hz``; its reward is computed from estimates, as it is on a rig.  ``target_length``
+    [m] is for records that have none of their own.
 
-    Raises
-    ------
-    ValueError
-        If a record lacks what is needed; the message names file, cut and field.
+    Raises ValueError if a record lacks what is needed; the message names file, cut and field.
     """
     found = []
     for path in watched(paths, "reading", "file"):
@@ -128,25 +107,12 @@ def recorded_cuts(
 def write(
     dataset_id: str, source: str, keywords: dict[str, Any], demonstrations: Sequence[Demonstration]
 ) -> MinariDataset:
-    """Write cuts as a data set.
+    """Write cuts, all by policies or all recorded, as a data set.
 
-    Units and meanings go into its metadata, below "cutenv".
+    Units and meanings go into its metadata, below "cutenv".  The id has a version, such as
+    ``cutenv/probe-and-creep-v0``; ``source`` is the policy or person that cut, for readers.
 
-    Parameters
-    ----------
-    dataset_id : str
-        Id with a version, such as ``cutenv/probe-and-creep-v0``.
-    source : str
-        Name of the policy or person that cut, for readers.
-    keywords : dict
-        Keyword arguments of the environment.
-    demonstrations : sequence of Demonstration
-        At least one, all by policies or all recorded.
-
-    Raises
-    ------
-    FileExistsError
-        If there is a data set of that id.
+    Raises FileExistsError if there is a data set of that id.
     """
     from minari import create_dataset_from_buffers
     from minari.data_collector import EpisodeBuffer
@@ -181,14 +147,11 @@ def write(
     dataset.storage.update_metadata(
         {
             "cutenv": {
-                "source": source,
+                **meanings_of(task, source, demonstrations[0]),
                 "infos": FELT
                 | (HIDDEN if is_simulated else ESTIMATED)
                 | infos_of(task.id).meanings
                 | (INTERVENED if "is_intervention" in demonstrations[0].infos else {}),
-                "observations": observation_scaling(task.id),  # value = number x scale + offset
-                "actions": actions_of(task),
-                "actions_are": "commands" if is_simulated else "motion of the blade until the next decision",
             }
         }
     )
@@ -198,10 +161,7 @@ def write(
 def opened(dataset_id: str) -> MinariDataset:
     """Open a data set that is on this machine.
 
-    Raises
-    ------
-    ValueError
-        If there is none of that id, or Minari is not installed.
+    Raises ValueError if there is none of that id, or Minari is not installed.
     """
     try:
         import minari
@@ -219,10 +179,7 @@ def opened(dataset_id: str) -> MinariDataset:
 def environment_of(dataset: MinariDataset) -> dict[str, Any]:
     """Return a data set's environment arguments: decision rate and angle.
 
-    Raises
-    ------
-    ValueError
-        If the data set belongs to no environment of this package.
+    Raises ValueError if the data set belongs to no environment of this package.
     """
     spec = dataset.env_spec
     if spec is None or spec.id != ENVIRONMENT:
@@ -239,17 +196,9 @@ def environment_of(dataset: MinariDataset) -> dict[str, Any]:
 def cloning_data(dataset: MinariDataset, *, history: int, force: bool = True) -> tuple[np.ndarray, np.ndarray]:
     """Return features, (n, size), and actions, (n, 2), for cloning.
 
-    Parameters
-    ----------
-    dataset : minari.MinariDataset
-        Data set with this package's observation; ``filter_episodes`` selects some cuts.
-    history, force
-        See :class:`cutenv.agents.policy.Features`.
+    ``filter_episodes`` of the data set selects some cuts; for the rest see :class:`cutenv.agents.policy.Features`.
 
-    Raises
-    ------
-    ValueError
-        If its observations are not those of cutenv, or it contains no decision.
+    Raises ValueError if its observations are not those of cutenv, or it contains no decision.
     """
     cuts = list(cloning_data_by_cut(dataset, history=history, force=force))
     if not cuts:
@@ -277,10 +226,7 @@ def cloning_data_by_cut(
 def free_folder(dataset_id: str) -> Path:
     """Return the folder for a new data set.
 
-    Raises
-    ------
-    FileExistsError
-        If there is a data set of that id.
+    Raises FileExistsError if there is a data set of that id.
     """
     from minari.storage import get_dataset_path
 

@@ -11,7 +11,6 @@ its score is the plain sum; the recursion is finite because a decision that ends
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,22 +20,12 @@ from stable_baselines3.common.buffers import NStepReplayBuffer
 
 from cutenv.agents.learning.arguments import CrossQArguments, OffPolicyArguments, SACArguments, TQCArguments
 from cutenv.agents.learning.asymmetric_actors import AsymmetricCrossQPolicy, AsymmetricSACPolicy, AsymmetricTQCPolicy
-from cutenv.agents.learning.cloning import Cloning, Demonstrations, script_demonstrations
-from cutenv.agents.learning.environment_groups import EnvironmentGroups
-from cutenv.agents.learning.on_policy import FallingRate
+from cutenv.agents.learning.cloning import Cloning, Demonstrations
+from cutenv.agents.learning.on_policy import FallingRate, TrialLearner
 from cutenv.agents.policy import Network
-from cutenv.agents.sb3 import FeatureVecEnv
 
-_SAME = (
-    "train_freq",
-    "gradient_steps",
-    "batch_size",
-    "buffer_size",
-    "gamma",
-    "ent_coef",
-    "target_entropy",
-    "seed",
-)  # options that Stable-Baselines3 knows by these names
+# options that Stable-Baselines3 knows by these names
+_SAME = ["train_freq", "gradient_steps", "batch_size", "buffer_size", "gamma", "ent_coef", "target_entropy", "seed"]
 _NORM_EPS = 1e-3  # of sb3-contrib's BatchRenorm
 
 
@@ -82,16 +71,10 @@ def remember(model: Any, shown: Demonstrations) -> None:
 
 
 def network(arrays: Mapping[str, np.ndarray], activation: str) -> Network:
-    """Return the actor in NumPy.
+    """Return the actor of a policy's parameters in NumPy.
 
-    A normalisation before a layer becomes part of that layer.
-
-    Parameters
-    ----------
-    arrays : mapping
-        Parameters of the policy by name.
-    activation : {"tanh", "relu"}
-        Activation after every layer but the last, which tanh follows.
+    A normalisation before a layer becomes part of that layer; the activation is that of every layer but the last, which
+    tanh follows.
     """
     parts = sorted({int(name.split(".")[2]) for name in arrays if name.startswith("actor.latent_pi.")})
     layers = []
@@ -108,40 +91,13 @@ def network(arrays: Mapping[str, np.ndarray], activation: str) -> Network:
     return Network(tuple(layers), activation, "tanh")
 
 
-@dataclass(frozen=True)
-class OffPolicyLearner:
-    """Parts in which one learner differs from another; see :class:`cutenv.agents.learning.on_policy.TrialLearner`."""
-
-    name: str
-    """Name of the agent in reports."""
-    algorithm: Any
-    """Class of Stable-Baselines3 or sb3-contrib."""
-    policy: type[Any]
-    """Class of its actor and critics."""
-    network = staticmethod(network)
-    activation = "relu"
-
-    def new_model(self, arguments: OffPolicyArguments, environments: FeatureVecEnv | EnvironmentGroups) -> Any:
-        """Make an untrained agent."""
-        return self.algorithm(self.policy, environments, **off_policy_keywords(arguments))
-
-    def pretrain(self, model: Any, arguments: OffPolicyArguments) -> None:
-        """Clone the demonstrated script into the actor, keeping the demonstrations."""
-        shown = script_demonstrations(model.get_env(), arguments)
-        remember(model, shown)
-        error = imitate(model.policy, shown, arguments)
-        print(f"the clone's actions differ from those of {arguments.script!r} by {error:.3f} (root mean square)")
-
-    def restore(self, model: Any, arguments: OffPolicyArguments) -> None:
-        """Show the demonstrations again; checkpoints keep no own decisions."""
-        if arguments.demonstrations:
-            remember(model, script_demonstrations(model.get_env(), arguments))
-        print("the replay buffer begins again, with the demonstrations")
+def _learner(name: str, algorithm: Any, policy: type[Any]) -> TrialLearner:
+    return TrialLearner(name, algorithm, policy, off_policy_keywords, imitate, network, "relu", remember)
 
 
 OFF_POLICY = {
-    "sac": OffPolicyLearner("SAC", SAC, AsymmetricSACPolicy),
-    "tqc": OffPolicyLearner("TQC", TQC, AsymmetricTQCPolicy),
-    "crossq": OffPolicyLearner("CrossQ", CrossQ, AsymmetricCrossQPolicy),
+    "sac": _learner("SAC", SAC, AsymmetricSACPolicy),
+    "tqc": _learner("TQC", TQC, AsymmetricTQCPolicy),
+    "crossq": _learner("CrossQ", CrossQ, AsymmetricCrossQPolicy),
 }
 """Learners by their names on the command line."""

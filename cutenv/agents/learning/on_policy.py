@@ -1,6 +1,19 @@
-"""A run of a learner of Stable-Baselines3.
+"""PPO, recurrent PPO, and a run of any learner of Stable-Baselines3.
 
 Train, resume after an interruption, export, compare, report.
+
+PPO has an asymmetric actor-critic that first imitates a script.  The agent decides 10 times a second: a cut is then
+some 80 decisions, 300 at most.  gamma = 1 sets no horizon, because a cut ends by itself and its score is the plain sum;
+with 0.995 early progress is worth more, and the agent learns to hurry, which the reward does not ask for.  The actor
+sees hand-made features; the critic also sees the hidden state, which is needed in training and not for cutting.
+
+The actor starts as a clone of the best script and then learns by trial.  At first only the critic learns, because an
+untrained critic would spoil the clone.  The standard deviation of the actions is scheduled and falls: a policy that
+learns it comes to rely on its noise.  The running average of the actor is validated, and kept where it does best.
+
+The actor of recurrent PPO has a memory (one layer of LSTM) instead of a history of decisions.  Its gradients go through
+whole cuts, so that an update costs four times as much and fewer are made.  Only the critic learns for a larger share of
+the training.
 """
 
 from __future__ import annotations
@@ -9,17 +22,20 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import torch
+from sb3_contrib import RecurrentPPO
+from stable_baselines3 import PPO
 
-from cutenv.agents.learning.arguments import LearnerArguments, PPOArguments, TrialArguments
-from cutenv.agents.learning.cloning import Demonstrations, script_demonstrations
+from cutenv.agents.learning.arguments import LearnerArguments, PPOArguments, RecurrentPPOArguments, TrialArguments
+from cutenv.agents.learning.asymmetric_actors import AsymmetricActorCritic, RecurrentAsymmetricActorCritic
+from cutenv.agents.learning.cloning import Cloning, Demonstrations, script_demonstrations
 from cutenv.agents.learning.environment_groups import EnvironmentGroups
 from cutenv.agents.learning.evaluation import contestant, evaluate
 from cutenv.agents.learning.option_fields import drawn_as
-from cutenv.agents.learning.progress import CheckpointExtras, Progress, save_model
+from cutenv.agents.learning.progress import Progress, save_model
 from cutenv.agents.learning.run_folder import RunRequest, end_interrupted, export, record_run, write_facts
 from cutenv.agents.learning.statistics import read_rows
 from cutenv.agents.learning.training_report import compare
@@ -41,64 +57,40 @@ class FallingRate:
         return self.rate * (1.0 - 0.95 * self.share)
 
 
-class TrialLearner(Protocol):
-    """Learner that a run trains: :class:`OnPolicyLearner`, or that of :mod:`cutenv.agents.learning.off_policy`."""
+@dataclass(frozen=True)
+class TrialLearner:
+    """Learner that a run trains: parts in which one differs from another."""
 
-    @property
-    def name(self) -> str:
-        """Name of the agent in reports."""
-
-    @property
-    def algorithm(self) -> Any:
-        """Class of Stable-Baselines3 or sb3-contrib."""
-
-    @property
-    def network(self) -> Callable[[Mapping[str, np.ndarray], str], Network | RecurrentNetwork]:
-        """Function that makes the NumPy actor from parameters and activation."""
-
-    @property
-    def activation(self) -> str:
-        """Activation of the actor's layers."""
+    name: str  # of the agent in reports
+    algorithm: Any  # class of Stable-Baselines3 or sb3-contrib
+    policy: type[Any]  # class of its actor and critics
+    keywords: Callable[[Any], dict[str, Any]]  # those of the algorithm, by the options
+    # clones demonstrations into a policy's actor, given the options, and returns the error left
+    imitate: Callable[[Any, Demonstrations, Any], float]
+    # makes the actor in NumPy from the policy's parameters and activation
+    network: Callable[[Mapping[str, np.ndarray], str], Network | RecurrentNetwork]
+    activation: str = "tanh"  # of the actor's layers
+    # puts demonstrations into the replay buffer of a model that has one
+    remember: Callable[[Any, Demonstrations], None] | None = None
 
     def new_model(self, arguments: Any, environments: FeatureVecEnv | EnvironmentGroups) -> Any:
         """Make an untrained agent."""
+        return self.algorithm(self.policy, environments, **self.keywords(arguments))
 
     def pretrain(self, model: Any, arguments: Any) -> None:
-        """Teach a model what demonstrations show."""
-
-    def restore(self, model: Any, arguments: Any) -> None:
-        """Restore to a loaded model all that its checkpoint lacks."""
-
-
-@dataclass(frozen=True)
-class OnPolicyLearner:
-    """Parts in which one learner differs from another."""
-
-    name: str
-    """Name of the agent in reports."""
-    algorithm: Any
-    """Class of Stable-Baselines3 or sb3-contrib."""
-    policy: type[Any]
-    """Class of its actor and critic."""
-    imitate: Callable[[Any, Demonstrations, Any], float]
-    """Function that clones demonstrations into a policy's actor, given the options, and returns the error left."""
-    network: Callable[[Mapping[str, np.ndarray], str], Network | RecurrentNetwork]
-    """Function that makes the actor in NumPy from the policy's parameters."""
-    activation = "tanh"
-
-    def new_model(self, arguments: PPOArguments, environments: FeatureVecEnv | EnvironmentGroups) -> Any:
-        """Make an untrained agent."""
-        return self.algorithm(self.policy, environments, **sb3_keywords(arguments))
-
-    def pretrain(self, model: Any, arguments: PPOArguments) -> None:
         """Clone the demonstrated script into a model's actor."""
-        environments, policy = model.get_env(), model.policy
-        shown = script_demonstrations(environments, arguments)
-        error = self.imitate(policy, shown, arguments)
+        shown = script_demonstrations(model.get_env(), arguments)
+        if self.remember is not None:
+            self.remember(model, shown)
+        error = self.imitate(model.policy, shown, arguments)
         print(f"the clone's actions differ from those of {arguments.script!r} by {error:.3f} (root mean square)")
 
-    def restore(self, model: Any, arguments: PPOArguments) -> None:
-        """Do nothing: the checkpoint contains all that is needed."""
+    def restore(self, model: Any, arguments: Any) -> None:
+        """Show the demonstrations again; a checkpoint keeps no replay buffer."""
+        if self.remember is not None:
+            if arguments.demonstrations:
+                self.remember(model, script_demonstrations(model.get_env(), arguments))
+            print("the replay buffer begins again, with the demonstrations")
 
 
 def sb3_keywords(arguments: PPOArguments) -> dict[str, Any]:
@@ -116,6 +108,39 @@ def sb3_keywords(arguments: PPOArguments) -> dict[str, Any]:
     }
 
 
+def _imitate(policy: AsymmetricActorCritic, shown: Demonstrations, arguments: PPOArguments) -> float:
+    return Cloning(policy.action_for, policy.actor_parameters(), shown.by_decision(), seed=arguments.seed).run()
+
+
+def _imitate_by_cut(
+    policy: RecurrentAsymmetricActorCritic, shown: Demonstrations, arguments: RecurrentPPOArguments
+) -> float:
+    cloning = Cloning(
+        policy.actions_along,
+        policy.actor_parameters(),
+        shown.by_cut(),
+        epochs=arguments.cloning_epochs,
+        batch_size=4096,
+        learning_rate=4e-3,
+        seed=arguments.seed,
+    )
+    return cloning.run()
+
+
+ON_POLICY = {
+    "ppo": TrialLearner("PPO", PPO, AsymmetricActorCritic, sb3_keywords, _imitate, Network.from_state_dict),
+    "recurrent-ppo": TrialLearner(
+        "recurrent PPO",
+        RecurrentPPO,
+        RecurrentAsymmetricActorCritic,
+        sb3_keywords,
+        _imitate_by_cut,
+        RecurrentNetwork.from_state_dict,
+    ),
+}
+"""Learners by their names on the command line."""
+
+
 def train(learner: TrialLearner, arguments: TrialArguments, run: Path, resume: bool) -> tuple[bool, float | None]:
     """Train; return whether it is complete, and the environments' share of time, None if none was left to train."""
     begun = time.monotonic()
@@ -129,11 +154,12 @@ def train(learner: TrialLearner, arguments: TrialArguments, run: Path, resume: b
     if resume:
         model = learner.algorithm.load(checkpoint, env=environments, device="cpu", tensorboard_log=events)
         learner.restore(model, arguments)
-        environments.first_episode = unseen_episode(model)
+        # Training cannot have reached it; else a resumed run would cut the same specimens again, from the first on.
+        environments.first_episode = 1 + int(model.num_timesteps) // int(model.n_envs)
         curve = read_rows(run / "learning_curve.csv")
         curve = [point for point in curve if point["decisions"] <= model.num_timesteps]
-        extras = CheckpointExtras.of(model)
-        environments.cuts = 0 if extras is None else extras.cuts
+        extras = getattr(model, "checkpoint_extras", None)
+        environments.cuts = 0 if extras is None else extras.get("cuts", 0)
         print(f"resuming after {model.num_timesteps} decisions")
         if extras is None:
             print("the checkpoint contains no running average of the actor: the average starts again")
@@ -161,25 +187,6 @@ def train(learner: TrialLearner, arguments: TrialArguments, run: Path, resume: b
     return finished, share
 
 
-def unseen_episode(model: Any) -> int:
-    """Return an episode number that training cannot have reached.
-
-    Otherwise a resumed run would cut the same specimens again, from the first on.
-    """
-    return 1 + int(model.num_timesteps) // int(model.n_envs)
-
-
-def exported(learner: TrialLearner, arguments: TrialArguments, run: Path, name: str, facts: Mapping[str, Any]) -> None:
-    """Export ``name``.zip's actor for use without torch.
-
-    It becomes ``name``/policy.safetensors and card.json.
-    """
-    model = learner.algorithm.load(run / f"{name}.zip", device="cpu")
-    arrays = {key: value.detach().cpu().numpy() for key, value in model.policy.state_dict().items()}
-    network = learner.network(arrays, learner.activation)
-    export(arguments, run / name, network, {**facts, "decisions": int(model.num_timesteps)})
-
-
 def time_to_threshold(arguments: LearnerArguments, curve: Sequence[Mapping[str, float]]) -> float | None:
     """Return the time [s] until the agent equalled the script in validation, or None."""
     shared = {**drawn_as(vars(arguments)), **arguments.angle, **arguments.simulated}
@@ -193,20 +200,7 @@ def time_to_threshold(arguments: LearnerArguments, curve: Sequence[Mapping[str, 
 def run_learner(learner: TrialLearner, request: RunRequest[Any], resume_command: str) -> None:
     """Train, export, evaluate and report into the folder of the run.
 
-    Parameters
-    ----------
-    learner : TrialLearner
-        Learner of :mod:`cutenv.agents.learning.ppo`, :mod:`~cutenv.agents.learning.recurrent_ppo` or
-        :mod:`~cutenv.agents.learning.off_policy`.
-    request : RunRequest
-        Options and folder of the run.
-    resume_command : str
-        Command line that is printed after an interruption.
-
-    Raises
-    ------
-    SystemExit
-        With status 130 after Ctrl-C.
+    Raises SystemExit with status 130 after Ctrl-C, having printed ``resume_command``.
     """
     arguments, run = request.arguments, request.run
     facts = record_run(arguments, run, learner.name)
@@ -227,7 +221,10 @@ def run_learner(learner: TrialLearner, request: RunRequest[Any], resume_command:
         facts["environments_share"] = round(share, 3)
     try:
         for name in ("untrained", "policy"):
-            exported(learner, arguments, run, name, facts)
+            model = learner.algorithm.load(run / f"{name}.zip", device="cpu")
+            arrays = {key: value.detach().cpu().numpy() for key, value in model.policy.state_dict().items()}
+            actor = learner.network(arrays, learner.activation)
+            export(arguments, run / name, actor, {**facts, "decisions": int(model.num_timesteps)})
         write_facts(run, facts)
         if arguments.specimens:
             print(f"evaluating it and others on {arguments.specimens} held-out specimens, some minutes", flush=True)

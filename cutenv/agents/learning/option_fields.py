@@ -25,18 +25,9 @@ def option(
 ) -> Any:
     """Declare a dataclass field as a command-line option.
 
-    Parameters
-    ----------
-    default : str, int, float, bool or tuple of str
-        A tuple makes an option that takes several texts.
-    meaning : str
-        The help text.
-    allowed : collection of str or pair of float, optional
-        Every text that is allowed, or the smallest and the largest number, which :func:`check_ranges` checks.
-    metavar : str, optional
-        Placeholder of the value in the help; by default every text that is allowed, or TEXT, N, X or FILE.
-    resumable : bool
-        Whether an interrupted run may be resumed with another value.
+    A tuple as its default makes an option that takes several texts.  ``allowed`` is every text that is, or the smallest
+    and the largest number, which :func:`check_ranges` checks; ``metavar`` the placeholder in the help, by default every
+    such text, or TEXT, N, X or FILE; ``resumable`` whether an interrupted run may be resumed with another value.
     """
     metadata = {"help": meaning, "allowed": allowed, "metavar": metavar, "resumable": resumable}
     return dataclasses.field(default=default, metadata=metadata)
@@ -92,10 +83,7 @@ def from_options(kind: type[T], given: argparse.Namespace) -> T:
 def parse(kind: type[T], about: str | None, argv: Sequence[str] | None = None) -> T:
     """Read a dataclass of options from a command line.
 
-    Raises
-    ------
-    SystemExit
-        After the help, and for an option that ``argparse`` refuses.
+    Raises SystemExit after the help, and for an option that ``argparse`` refuses.
     """
     parser = argparse.ArgumentParser(
         description=about, formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False

@@ -8,11 +8,9 @@ The learning curve counts the decisions of trial, and all cuts begun: those of d
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import math
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -45,51 +43,11 @@ def validate(model: Any, arguments: LearnerArguments) -> tuple[float, float]:
     return float(np.mean(returns)), float(np.mean(successes))
 
 
-@dataclass(frozen=True, kw_only=True)
-class CheckpointExtras:
-    """Checkpoint's state of an interrupted training outside its model.
-
-    Attributes
-    ----------
-    averages : list of ndarray
-        Running average of the actor's parameters; empty before the first update.
-    seconds : float
-        Time of work so far [s], that before an earlier interruption included.
-    pretraining_seconds : float
-        Part of that time that the demonstrations took [s].
-    cuts : int
-        Number of cuts begun so far, those of the demonstrations included.
-    """
-
-    averages: list[np.ndarray]
-    seconds: float
-    pretraining_seconds: float
-    cuts: int = 0
-
-    @classmethod
-    def of(cls, model: Any) -> CheckpointExtras | None:
-        """Return the extras that a model was saved with, or None."""
-        kept = getattr(model, "checkpoint_extras", None)
-        return None if kept is None else cls(**kept)
-
-
 class Progress(BaseCallback):
     """Callback for progress, learning curve, checkpoints and validation.
 
-    It keeps the best by validation.
-
-    Parameters
-    ----------
-    run : Path
-        Folder of the run.
-    arguments : PPOArguments or OffPolicyArguments
-        Options of the run.
-    curve : list of dict
-        Learning curve of an interrupted run, or an empty list.
-    begun : float, optional
-        Time at which the work began (``time.monotonic``); default now.
-    extras : CheckpointExtras, optional
-        Extras of an interrupted run; without them its time is read from the curve, and the average starts again.
+    It keeps the best by validation.  A resumed run gives its ``curve`` and ``extras``, without which its time is read
+    from the curve, and the average starts again; the work ``begun`` at that ``time.monotonic``, default now.
     """
 
     def __init__(
@@ -98,17 +56,17 @@ class Progress(BaseCallback):
         arguments: TrialArguments,
         curve: list[dict[str, float]],
         begun: float | None = None,
-        extras: CheckpointExtras | None = None,
+        extras: Mapping[str, Any] | None = None,
     ) -> None:
         super().__init__()
         self._run, self._arguments, self.curve = run, arguments, curve
         self._saved = time.monotonic()
         known = [point.get("seconds", 0.0) for point in curve]  # the only times kept with a checkpoint without extras
-        earlier = (known or [0.0])[-1] if extras is None else extras.seconds
+        earlier = (known or [0.0])[-1] if extras is None else extras["seconds"]
         self._begun = (self._saved if begun is None else begun) - earlier
         # Demonstrations count as time, but not in the share of the training, which critic and exploration follow.
-        self._pretraining = (known or [self.seconds])[0] if extras is None else extras.pretraining_seconds
-        self.averages = [] if extras is None else [torch.as_tensor(values) for values in extras.averages]
+        self._pretraining = (known or [self.seconds])[0] if extras is None else extras["pretraining_seconds"]
+        self.averages = [] if extras is None else [torch.as_tensor(values) for values in extras["averages"]]
 
     @property
     def seconds(self) -> float:
@@ -210,15 +168,13 @@ class Progress(BaseCallback):
         path = self._run / "learning_curve.csv"
         if self.curve or path.is_file():
             write_csv(path, self.curve)
-        averages = [values.numpy() for values in self.averages]
         model: Any = self.model
-        extras = CheckpointExtras(
-            averages=averages,
-            seconds=self.seconds,
-            pretraining_seconds=self._pretraining,
-            cuts=model.get_env().cuts,
-        )
-        model.checkpoint_extras = dataclasses.asdict(extras)  # plain, so that it loads anywhere
+        model.checkpoint_extras = {  # what the model does not hold; plain, so that it loads anywhere
+            "averages": [values.numpy() for values in self.averages],  # of the actor; none before the first update
+            "seconds": self.seconds,
+            "pretraining_seconds": self._pretraining,
+            "cuts": model.get_env().cuts,
+        }
         save_model(self.model, self._run / "checkpoint.zip")
         self._saved = time.monotonic()
 

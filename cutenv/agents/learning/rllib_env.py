@@ -19,21 +19,9 @@ _INFO = ("is_success", "_is_success")  # the rest would be copied between proces
 class RunnerEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     """Vector environment of ``num_envs`` cuts for Ray's runners.
 
-    Each has its own seed, and starts again at the step after its end.
-
-    Parameters
-    ----------
-    num_envs : int
-        Number of environments.
-    first_seed : int
-        Environment i samples its specimens from seed ``first_seed + i``, whatever ``reset`` is given: RLlib's own
-        seeds of its runners overlap, and two runners would cut the same specimens; see :meth:`share_seeds`.
-    history : int
-        Number of past decisions among the features.
-    first_episode : int
-        First episode of each seed; a resumed training begins where no specimen has been cut yet.
-    **arguments
-        Keyword arguments of ``cutenv/GentleCut-v1``.
+    Environment i samples its specimens from seed ``first_seed + i``, whatever ``reset`` is given: RLlib's own seeds of
+    its runners overlap, and two runners would cut the same specimens; see :meth:`share_seeds`.  Each starts again at
+    the step after its end.  A resumed training begins at a ``first_episode`` where no specimen has been cut yet.
     """
 
     def __init__(

@@ -78,18 +78,16 @@ def export(
     )
 
 
-def versions(packages: Sequence[str]) -> dict[str, str]:
-    """Return the versions of these packages and of Python."""
-    return {name: importlib.metadata.version(name) for name in packages} | {"python": platform.python_version()}
-
-
 def origin(run: Path, packages: Sequence[str]) -> dict[str, Any]:
     """Return versions and commit for ``run.json``, those of the start if resumed, with what was measured then.
 
     Commits that differ from the first are listed as ``resumed_at_commits``, each formatted by :func:`marked`.
     """
     present = {
-        "versions": versions(packages),
+        "versions": {
+            **{name: importlib.metadata.version(name) for name in packages},
+            "python": platform.python_version(),
+        },
         "commit": git("rev-parse", "HEAD"),
         "uncommitted_changes": bool(git("status", "--porcelain", "--untracked-files=no")),
     }
@@ -143,11 +141,8 @@ class RunRequest(Generic[Chosen]):
     """Training run requested on a command line."""
 
     arguments: Chosen
-    """Options of the run."""
     run: Path
-    """Folder of the run."""
-    resume: bool
-    """True to resume an interrupted run in this folder."""
+    resume: bool  # True to resume an interrupted run in this folder
 
 
 def add_run_options(parser: argparse.ArgumentParser, kind: type[LearnerArguments]) -> None:
@@ -163,21 +158,12 @@ def add_run_options(parser: argparse.ArgumentParser, kind: type[LearnerArguments
 
 
 def run_request(kind: type[Chosen], given: argparse.Namespace, prefix: str) -> RunRequest[Chosen]:
-    """Check the options of a run, and return the requested run.
+    """Check options of a parser with :func:`add_run_options`; return the run.
 
-    Parameters
-    ----------
-    kind : type
-        Class of the options.
-    given : argparse.Namespace
-        Result of a parser with :func:`add_run_options`, and no other option.
-    prefix : str
-        First part of the default name of a run.
+    ``prefix`` is the first part of its default name.
 
-    Raises
-    ------
-    BadArguments
-        For an option out of range, a folder that exists, or an option without effect on a run that is resumed.
+    Raises BadArguments for an option out of range, a folder that exists, or an option without effect on a run that is
+    resumed.
     """
     chosen = dict(vars(given))
     is_quick, resume = chosen.pop("quick"), chosen.pop("resume")
@@ -199,10 +185,7 @@ def run_request(kind: type[Chosen], given: argparse.Namespace, prefix: str) -> R
 def resumed(kind: type[Chosen], run: Path, chosen: Mapping[str, Any]) -> Chosen:
     """Return an interrupted run's options, updated with those chosen now.
 
-    Raises
-    ------
-    BadArguments
-        If there is no checkpoint, the run is another learner's, or an option would have no effect.
+    Raises BadArguments if there is no checkpoint, the run is another learner's, or an option would have no effect.
     """
     if checkpoint_of(run) is None:
         raise BadArguments(f"{run} contains no {' or '.join(NAMES)}; give the folder of an interrupted run.")

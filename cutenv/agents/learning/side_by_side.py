@@ -25,24 +25,13 @@ _LOOK = 0.5  # seconds between looks at the processes
 class Training:
     """One training in a process of its own.
 
-    What it prints is kept until it ends.
-
-    Parameters
-    ----------
-    name : str
-        Name in the line of progress.
-    command : sequence of str
-        Command line of the process.
-    cores : int
-        Number of threads that its batches may use, unless ``CUTENV_CORES`` is set.
+    What it prints is kept until it ends.  Its batches use so many ``cores``, unless ``CUTENV_CORES`` is set.
     """
 
     def __init__(self, name: str, command: Sequence[str], cores: int) -> None:
         self.name = name
-        self.progress = "begins"
-        """Last progress that it printed, such as "training 45 %, return 0.31, success 0.42"."""
-        self.printed: list[str] = []
-        """Lines that it printed, without its bars of progress."""
+        self.progress = "begins"  # last progress that it printed, such as "training 45 %, return 0.31, success 0.42"
+        self.printed: list[str] = []  # lines that it printed, without its bars of progress
         own_group = os.name != "nt"  # so that Ctrl-C reaches it once, from here
         self.process = subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=own_group,
@@ -74,17 +63,10 @@ class Training:
 
 
 def train_side_by_side(commands: Mapping[str, Sequence[str]]) -> int:
-    """Run trainings side by side, printing each one's output at its end.
+    """Run trainings, command lines by name, side by side.
 
-    Parameters
-    ----------
-    commands : mapping of str to sequence of str
-        Command line of each training by its name.
-
-    Returns
-    -------
-    int
-        0 if all succeeded, 130 after Ctrl-C, or the status of the first that failed.
+    Each one's output is printed at its end.  Return 0 if all succeeded, 130 after Ctrl-C, or the status of the first
+    that failed.
     """
     each = max(cores() // len(commands), 1)  # more threads than cores wait for each other
     began, running = time.monotonic(), [Training(name, command, each) for name, command in commands.items()]

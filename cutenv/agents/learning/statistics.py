@@ -158,24 +158,12 @@ def stratified(
 ) -> Interval:
     """Return the statistic of all strata, with 95 % percentile interval.
 
-    Parameters
-    ----------
-    strata : sequence of array, shape (training runs, specimens) each
-        Arrays of finite numbers; the rows of all strata are the same runs.
-    statistic : callable
-        Function along the last axis: :func:`interquartile_mean` or :func:`mean`.
-    same_specimens : bool
-        Whether the columns of all strata are paired too, as when one seed gives a specimen of each class.
-    resamples : int
-        Number of bootstrap resamples.
-    seed : int
-        Seed of the resampling; equal shapes are resampled equally.
+    ``strata`` are finite numbers of shape (training runs, specimens); their rows are the same runs and, with
+    ``same_specimens``, their columns are paired too.  The ``statistic`` is along the last axis:
+    :func:`interquartile_mean` or :func:`mean`.  Equal shapes are resampled equally.
 
-    Raises
-    ------
-    ValueError
-        For no strata, a stratum without two axes or without members, a NaN, and for strata of different runs or, with
-        ``same_specimens``, different numbers of specimens.
+    Raises ValueError for no strata, a stratum without two axes or without members, a NaN, and for strata of different
+    runs or, with ``same_specimens``, different numbers of specimens.
     """
     if not strata:
         raise ValueError("strata is empty; give the scores of one class of specimens at least.")

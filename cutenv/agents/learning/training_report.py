@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -16,10 +16,10 @@ from cutenv.agents.learning.evaluation import Contestant, batched_rollout, conte
 from cutenv.agents.learning.option_fields import class_in_words, drawn_as
 from cutenv.agents.learning.seeds import TEST_SEEDS
 from cutenv.agents.learning.statistics import best_script, differences, read_rows, summarise, write_csv
-from cutenv.agents.policy import BASELINES, CONSTANT_FEEDS, NULL_POLICIES, ORACLE, SCRIPTS, RandomAction
+from cutenv.agents.policy import CONSTANT_FEEDS, NULL_POLICIES, ORACLE, SCRIPTS, RandomAction
 from cutenv.display.report import CutPicture, TrainingResult, draw_cut, training_headline, write_training_page
 from cutenv.display.report.training_result import COLUMNS, Score, columns_of, comparison_table, differences_table
-from cutenv.task.registry import task_of
+from cutenv.task.registry import TASKS, task_of
 
 
 def typical(rows: Sequence[Mapping[str, Any]], seeds: Sequence[int], agent: str) -> int:
@@ -82,123 +82,8 @@ def chosen_at(curve: Sequence[Mapping[str, float]]) -> int | None:
     return None if chosen is None else int(chosen["decisions"])
 
 
-_FEWER = 4  # times fewer specimens for the planner, of which a cut takes as long as hundreds of others
-_MORE_SPECIMENS = 5  # times as many specimens for agent and scripts, so that chance does not hide their differences
-
-
-def compare_task(run: Path, facts: Mapping[str, Any], *, processes: int | None = None) -> None:
-    """Evaluate the agent of a run, every script and the planner.
-
-    Write and print scores and paired differences.
-
-    Parameters
-    ----------
-    run : Path
-        Folder of the run, into which the tables are written.
-    facts : mapping
-        Content of its ``run.json``.
-    processes : int, optional
-        Number of processes; default one per core.
-    """
-    arguments, agent = facts["arguments"], facts["agent"]
-    task, _ = task_of({"task": arguments["task"]})
-    learned = {agent: contestant(str(run / "policy"))}
-    if (run / "untrained" / "card.json").is_file():
-        learned[f"{agent} untrained"] = contestant(str(run / "untrained"))
-    shared = {"task": arguments["task"], "angle_mode": arguments["angle_mode"], **drawn_as(arguments)}
-    if arguments["angle_mode"] == "fixed":
-        shared["fixed_angle_deg"] = arguments["fixed_angle_deg"]
-    if facts.get("simulated_rig"):
-        shared |= {**facts["simulated_rig"], "control_hz": arguments["control_hz"]}
-    scripts = {name: Contestant(task.scripts[name]()) for name in task.scripts}
-    few = TEST_SEEDS[: arguments["specimens"]]
-    planner = {ORACLE: Contestant(task.planner(), specimens=max(len(few) // _FEWER, 2))} if task.planner else {}
-    rows = evaluate({**learned, **scripts, **planner}, few, shared, processes=processes)
-    write_csv(run / "scores.csv", rows)
-    summary = summarise(rows)
-    write_csv(run / "summary.csv", summary)
-    more = TEST_SEEDS[len(few) : _MORE_SPECIMENS * len(few)]
-    closer = {agent: learned[agent], **scripts}
-    further = evaluate(closer, more, shared, processes=processes, description="comparing")
-    write_csv(run / "comparison.csv", further)
-    paired = differences([*rows, *further], agent)
-    write_csv(run / "differences.csv", paired)
-    write_run_page(run, facts, ComparedCuts(rows, paired), {**learned, **scripts}, shared)
-
-    print(f"\n{task_headline(agent, paired, task.scripts)}")
-    print(f"\n{len(few)} held-out specimens of {class_in_words(arguments)}, mean [95 % interval]\n")
-    print_compared(summary, paired, columns_of(task))
-    fewer = "".join(f"; {name}: on {one.specimens}" for name, one in planner.items())
-    print(f"({', '.join(scripts)}: on {len(few) + len(more)} specimens{fewer})")
-    print(f"\nWritten to {run}/: report.html (open it in a browser), policy/ (safetensors and card, needs no torch),")
-    print("scores.csv and comparison.csv (every cut), summary.csv, differences.csv, learning_curve.csv, run.json")
-
-
-class ComparedCuts(NamedTuple):
-    """All policies' cuts, with paired differences of the agent."""
-
-    rows: Sequence[Mapping[str, Any]]
-    paired: Sequence[Mapping[str, Any]]
-
-
-def write_run_page(
-    run: Path,
-    facts: Mapping[str, Any],
-    compared: ComparedCuts,
-    contestants: Mapping[str, Contestant],
-    shared: Mapping[str, Any],
-) -> None:
-    """Write the page of a run, ``report.html``.
-
-    Parameters
-    ----------
-    run, facts
-        Those of :func:`compare_task`.
-    compared : ComparedCuts
-    contestants : mapping of str to Contestant
-        Agent and scripts by name.
-    shared : mapping
-        Arguments of the environment.
-    """
-    arguments, agent, summary = facts["arguments"], facts["agent"], summarise(compared.rows)
-    task, _ = task_of(shared)
-    script = best_script(summary, task.scripts)
-    seed = typical(compared.rows, TEST_SEEDS[: arguments["specimens"]], agent)
-    curve = read_rows(run / "learning_curve.csv")
-    write_training_page(
-        run / "report.html",
-        TrainingResult(
-            title=f"Learning to cut {task.along}: {run.name}",
-            subtitle=f"{agent} on simulated slices of {_tissue(arguments)}, class {arguments['specimen_class']}",
-            facts=shown_facts(facts),
-            summary=summary,
-            differences=compared.paired,
-            agent=agent,
-            best_script=script,
-            rival_script=None,
-            bound=ORACLE if task.planner else None,
-            grid=(),
-            cuts=[cut_picture(name, contestants[name], seed, shared) for name in (agent, script)],
-            curve=curve,
-            chosen_at=chosen_at(curve),
-            columns=columns_of(task),
-        ),
-    )
-
-
 def task_headline(agent: str, paired: Sequence[Mapping[str, Any]], scripts: Collection[str]) -> str:
-    """Return sentences on whether an agent beats every script.
-
-    Parameters
-    ----------
-    agent : str
-        Name of the agent.
-    paired : sequence of mapping
-        Paired differences of its return from those of the scripts, by
-        :func:`~cutenv.agents.learning.statistics.differences`.
-    scripts : collection of str
-        Names of the scripts.
-    """
+    """Return sentences on whether an agent beats every script."""
     returns = [row for row in paired if row["baseline"] in scripts and row["score"] == "return"]
     nearest = min(returns, key=lambda row: float(row["low_95"]))
     interval = f"{nearest['mean']:+.3f} [{nearest['low_95']:+.3f}, {nearest['high_95']:+.3f}]"
@@ -226,57 +111,47 @@ def print_compared(
 
 
 _TEXTS = ("policy", "specimen_class", "end")
-_MORE = 20  # times as many specimens for agent and best scripts, so that chance does not hide their differences
+_FEWER = 4  # times fewer specimens for the planner, of which a cut takes as long as hundreds of others
+# times as many specimens for the agent and the scripts that it is compared with, so that chance does not hide their
+# differences: the best ones of gentle cutting, all of another task
+_MORE_OF_BEST, _MORE_OF_ALL = 20, 5
+
+
+def _shared(facts: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the environment's arguments that agent and scripts share."""
+    arguments = facts["arguments"]
+    shared = {"task": arguments.get("task", "gentle"), "angle_mode": arguments["angle_mode"], **drawn_as(arguments)}
+    if arguments["angle_mode"] == "fixed":
+        shared["fixed_angle_deg"] = arguments.get("fixed_angle_deg", 90.0)
+    if facts.get("simulated_rig"):  # on a slow rig scripts decide no faster than the agent
+        shared |= {**facts["simulated_rig"], "control_hz": arguments["control_hz"]}
+    return shared
 
 
 def compare(
     run: Path, facts: Mapping[str, Any], *, processes: int | None = None, baselines_of: Path | None = None
 ) -> None:
-    """Evaluate the agent of a run and all baselines.
+    """Evaluate the agent of a run and all baselines of its task.
 
-    Write and print the scores, draw a cut, write the page.
+    Write and print the scores, draw a cut, write the page; ``facts`` are those of its ``run.json``.  ``baselines_of``
+    is another run of gentle cutting on the same specimens, whose scores of the baselines are reused: they would be the
+    same.
 
-    The report of a run on another task is that of :func:`~cutenv.agents.learning.training_report.compare_task`.
-
-    Parameters
-    ----------
-    run : Path
-        Folder of the run, into which everything is written.
-    facts : mapping
-        Content of its ``run.json``.
-    processes : int, optional
-        Number of processes; default one per core.
-    baselines_of : Path, optional
-        Another run on the same specimens, whose scores of the baselines are reused: they would be the same.
-
-    Raises
-    ------
-    ValueError
-        If the other run is on other specimens, or the task has other baselines.
+    Raises ValueError if the other run is on other specimens, or the task has other baselines.
     """
-    arguments, agent = facts["arguments"], facts["agent"]
-    task = arguments.get("task", "gentle")
-    if task != "gentle":
-        if baselines_of is not None:
-            raise ValueError(f"{run} is of task {task}, whose baselines are not reused; leave out --baselines-of.")
-        compare_task(run, facts, processes=processes)
-        return
-    learned = {agent: run / "policy"}
-    if (run / "untrained" / "card.json").is_file():
-        learned[f"{agent} untrained"] = run / "untrained"
+    arguments, agent, shared = facts["arguments"], facts["agent"], _shared(facts)
+    task, _ = task_of(shared)
+    is_gentle = task is TASKS["gentle"]
+    if baselines_of is not None and not is_gentle:
+        raise ValueError(f"{run} is of task {task.name}, whose baselines are not reused; leave out --baselines-of.")
+    names = {agent: run / "policy", f"{agent} untrained": run / "untrained"}
+    learned = {name: contestant(str(folder)) for name, folder in names.items() if (folder / "card.json").is_file()}
     seeds = TEST_SEEDS[: arguments["specimens"]]
-    shared = {"angle_mode": arguments["angle_mode"], **drawn_as(arguments)}
-    if arguments["angle_mode"] == "fixed":
-        shared["fixed_angle_deg"] = arguments.get("fixed_angle_deg", 90.0)
-    rate = {"control_hz": arguments["control_hz"]}
-    if facts.get("simulated_rig"):  # on a slow rig scripts decide no faster than the agent
-        shared |= {**facts["simulated_rig"], **rate}
-    contestants = {
-        **{name: contestant(str(folder)) for name, folder in learned.items()},
-        **{name: Contestant(make()) for name, make in BASELINES.items()},
-        ORACLE: Contestant(BASELINES[ORACLE](), specimens=max(len(seeds) // _FEWER, 2)),
-        "random": Contestant(RandomAction(), rate),  # at the agent's rate: rarer changes move the blade further
-    }
+    contestants = {**learned, **{name: Contestant(make()) for name, make in (task.policies or task.scripts).items()}}
+    if task.planner:
+        contestants[ORACLE] = Contestant(task.planner(), specimens=max(len(seeds) // _FEWER, 2))
+    if is_gentle:  # at the agent's rate: rarer changes move the blade further
+        contestants["random"] = Contestant(RandomAction(), {"control_hz": arguments["control_hz"]})
     own = {name: one for name, one in contestants.items() if baselines_of is None or name in learned}
     rows = evaluate(own, seeds, shared, processes=processes)
     if baselines_of is not None:
@@ -285,28 +160,32 @@ def compare(
     write_csv(run / "scores.csv", rows)
     summary = summarise(rows)
     write_csv(run / "summary.csv", summary)
-    script = best_script(summary, [*CONSTANT_FEEDS, *SCRIPTS])
-    teacher = arguments.get("script") if arguments.get("demonstrations") else None
-    others = [name for name in (*CONSTANT_FEEDS, *SCRIPTS) if name != teacher]
-    rival = best_script(summary, others) if script == teacher else None
-    feed = best_script(summary, CONSTANT_FEEDS)
-    shown = [*learned, feed, *SCRIPTS, ORACLE, *NULL_POLICIES]
-    more = TEST_SEEDS[len(seeds) : _MORE * len(seeds)]
-    closer = {name: contestants[name] for name in (agent, script, rival) if name is not None}
+    if is_gentle:
+        script = best_script(summary, [*CONSTANT_FEEDS, *SCRIPTS])
+        teacher = arguments.get("script") if arguments.get("demonstrations") else None
+        others = [name for name in (*CONSTANT_FEEDS, *SCRIPTS) if name != teacher]
+        rival = best_script(summary, others) if script == teacher else None
+        feed = best_script(summary, CONSTANT_FEEDS)
+        shown = [*learned, feed, *SCRIPTS, ORACLE, *NULL_POLICIES]
+        near, times = [name for name in (script, rival) if name is not None], _MORE_OF_BEST
+    else:
+        script, rival, shown = best_script(summary, task.scripts), None, list(contestants)
+        near, times = list(task.scripts), _MORE_OF_ALL
+    closer = {name: contestants[name] for name in (agent, *near)}
+    more = TEST_SEEDS[len(seeds) : times * len(seeds)]
     further = evaluate(closer, more, shared, processes=processes, description="comparing")
     write_csv(run / "comparison.csv", further)
-    paired = differences(
-        [row for row in rows if row["policy"] in shown and row["policy"] not in (script, rival)], agent
-    )
+    paired = differences([row for row in rows if row["policy"] in shown and row["policy"] not in near], agent)
     paired += differences([row for row in rows + further if row["policy"] in closer], agent)
     write_csv(run / "differences.csv", paired)
 
     seed = typical(rows, seeds, agent)
     cuts = [cut_picture(name, contestants[name], seed, shared) for name in (agent, script)]
-    draw_cut(run / "cut.png", cuts[0], f"{agent} on held-out specimen {seed}: {cuts[0].caption}")
+    if is_gentle:
+        draw_cut(run / "cut.png", cuts[0], f"{agent} on held-out specimen {seed}: {cuts[0].caption}")
     curve = read_rows(run / "learning_curve.csv")
     result = TrainingResult(
-        title=f"Learning to cut gently: {run.name}",
+        title=f"Learning to cut {task.along or 'gently'}: {run.name}",
         subtitle=f"{agent} on simulated slices of {_tissue(arguments)}, class {arguments['specimen_class']}",
         facts=shown_facts(facts),
         summary=[row for row in summary if row["policy"] in shown],
@@ -314,23 +193,25 @@ def compare(
         agent=agent,
         best_script=script,
         rival_script=rival,
-        bound=ORACLE,
-        grid=grid_rows(summary),
+        bound=ORACLE if task.planner else None,
+        grid=grid_rows(summary) if is_gentle else (),
         cuts=cuts,
         curve=curve,
         chosen_at=chosen_at(curve),
+        columns=COLUMNS if is_gentle else columns_of(task),
     )
     write_training_page(run / "report.html", result)
-    print(f"\n{training_headline(result)[2]}")
+    print(f"\n{training_headline(result)[2] if is_gentle else task_headline(agent, paired, task.scripts)}")
     print(f"\n{len(seeds)} held-out specimens of {class_in_words(arguments)}, mean [95 % interval]\n")
-    near = [row for row in paired if row["baseline"] in (script, rival, feed, ORACLE)]
-    print_compared(result.summary, near, COLUMNS[:5])
-    nearest = " and ".join(name for name in closer if name != agent)
-    print(f"({nearest}: on {len(seeds) + len(more)} specimens; {ORACLE}: on {contestants[ORACLE].specimens})")
+    if is_gentle:
+        print_compared(result.summary, [row for row in paired if row["baseline"] in (*near, feed, ORACLE)], COLUMNS[:5])
+    else:
+        print_compared(summary, paired, result.columns)
+    planned = f"; {ORACLE}: on {contestants[ORACLE].specimens}" if task.planner else ""
+    print(f"({(' and ' if is_gentle else ', ').join(near)}: on {len(seeds) + len(more)} specimens{planned})")
     print(f"\nWritten to {run}/: report.html (open it in a browser), policy/ (safetensors and card, needs no torch),")
-    print(
-        "scores.csv and comparison.csv (every cut), summary.csv, differences.csv, learning_curve.csv, run.json, cut.png"
-    )
+    files = "scores.csv and comparison.csv (every cut), summary.csv, differences.csv, learning_curve.csv, run.json"
+    print(f"{files}, cut.png" if is_gentle else files)
 
 
 def known_rows(path: Path, seeds: Mapping[str, Sequence[int]]) -> list[dict[str, Any]]:

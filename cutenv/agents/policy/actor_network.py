@@ -14,8 +14,7 @@ import numpy as np
 from cutenv._base.arrays import Array32
 from cutenv._base.validation import one_of
 
-Layer = tuple[Array32, Array32]
-"""Weight, shape (outputs, inputs), and bias, shape (outputs,)."""
+Layer = tuple[Array32, Array32]  # weight, shape (outputs, inputs), and bias, shape (outputs,)
 
 ACTIVATIONS: dict[str, Callable[[Array32], Array32]] = {
     "tanh": np.tanh,
@@ -152,11 +151,8 @@ def _name(number: int, part: str) -> str:
 
 
 def _layer(arrays: Mapping[str, Array32], prefix: str) -> Layer:
-    for part in _PARTS:
-        if f"{prefix}.{part}" not in arrays:
-            some = ", ".join(sorted(arrays)[:6]) or "nothing"
-            raise ValueError(f"array '{prefix}.{part}' is missing; found {some}{', ...' if len(arrays) > 6 else ''}.")
-    return arrays[f"{prefix}.weight"], arrays[f"{prefix}.bias"]
+    weight, bias = (_found(arrays, f"{prefix}.{part}") for part in _PARTS)
+    return weight, bias
 
 
 def checked_array(name: str, values: Array32, dimensions: int) -> Array32:
@@ -176,8 +172,7 @@ def checked_array(name: str, values: Array32, dimensions: int) -> Array32:
     return array
 
 
-State = tuple[Array32, Array32]
-"""Recurrent state: hidden state h and cell state c, shape (..., units) each."""
+State = tuple[Array32, Array32]  # recurrent state: hidden state h and cell state c, shape (..., units) each
 
 _PREFIX = "memory."
 _LSTM_PARTS = {"weight_ih": 2, "weight_hh": 2, "bias_ih": 1, "bias_hh": 1}  # names and numbers of axes

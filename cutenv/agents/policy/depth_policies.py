@@ -29,8 +29,8 @@ from cutenv.agents.policy.interface import (
     ArrayPolicy,
     in_si,
 )
-from cutenv.agents.policy.scripted import OneReturnStroke, Script
-from cutenv.agents.policy.tip_estimate import TipEstimate, TwoForces, feel_two_forces, nothing_felt
+from cutenv.agents.policy.scripted import OneReturnStroke, Script, ThirdAxisScript
+from cutenv.agents.policy.tip_estimate import TwoForces, feel_two_forces, nothing_felt
 from cutenv.sim.quantities import SHALLOWEST
 from cutenv.sim.tissue.crack_tip import BladeReading
 from cutenv.sim.tissue.description import measured_liver
@@ -72,9 +72,8 @@ DEPTH_MEMORY: np.dtype[Any] = np.dtype(
 class DepthFeatures(Features):
     """Features of one cut or many of ``cutenv/DepthCut-v1``.
 
-    They are what depth adds to the observation, and what follows.
-
-    Those of gentle cutting, which come first, have the blade's depth as the depth of cut.
+    They are what depth adds to the observation, and what follows. Those of gentle cutting, which come first, have the
+    blade's depth as the depth of cut.
     """
 
     components = len(DEPTH_CUT.all_components)
@@ -193,70 +192,46 @@ def _remember_depth(memory: Struct, position: float, surface: float, wanted: flo
     memory.passed = max(passed, reached)
 
 
-_OWN_SCALES = np.array([one.scale for one in DEPTH_COMPONENTS])
-_OWN_COLUMNS = {one.name: number for number, one in enumerate(DEPTH_COMPONENTS)}
-VERTICAL_MEAN, BLADE_DEPTH, WANTED = (_OWN_COLUMNS[name] for name in ("vertical_mean", "blade_depth", "wanted"))
+VERTICAL_MEAN, BLADE_DEPTH, WANTED = (_COLUMNS[name] - _FIRST for name in ("vertical_mean", "blade_depth", "wanted"))
 """Columns of what depth adds to an observation."""
-_OWN_DESCENT_SPEED = _OWN_COLUMNS["descent_speed"]
 _MOTION = [POSITION_COLUMN, SPEED_COLUMN, DEPTH_COLUMN, FORCE_MEAN_COLUMN]
 _TIME_LEFT = [one.name for one in COMPONENTS].index("time_left")
 _PROBE_TIME = 0.2  # [s]
 _DEPTH_SCALE = COMPONENTS[DEPTH_COLUMN].scale
 
 
-class DepthScript(ArrayPolicy):
+class DepthScript(ThirdAxisScript):
     """Base class: gentle cutting along the cut, with depth by :meth:`depths`.
 
-    A cut is as deep as the blade is where the crack tip is, some millimetres behind.  So the surface and the wanted
-    depth are remembered as the blade passes, and the blade is as high as they ask for at the estimated tip.
-
-    Parameters
-    ----------
-    along : ArrayPolicy, optional
-        Policy of gentle cutting; it is shown the depth of the blade as the depth of cut.  Default: the best script.
-    gain : float
-        Descent speed over the error of the level [1/s].
-    lead : float
-        Distance ahead of the tip at which the depth is followed, for the time that the blade takes [m].
-
-    Attributes
-    ----------
-    elapsed : array, shape (n,)
-        Time since each cut began [s].
+    A cut is as deep as the blade is where the crack tip is, some millimetres behind. So the surface and the wanted
+    depth are remembered as the blade passes, and the blade is as high as they ask for at the estimated tip.  The policy
+    ``along`` the cut, by default the best script of gentle cutting, is shown the depth of the blade as the depth of
+    cut. ``gain`` is the descent speed over the error of the level [1/s]; ``lead`` is how far ahead of the tip the depth
+    is followed, for the time that the blade takes [m].
     """
 
+    components = DEPTH_CUT.all_components
+
     def __init__(self, along: ArrayPolicy | None = None, *, gain: float = 4.0, lead: float = 0.004) -> None:
-        self.along = along or OneReturnStroke()
-        self._estimate = TipEstimate()
+        super().__init__(along)
         self._gain = in_range("gain", gain, 0.1, 100.0, "1/s", "A drive with a lag of 40 ms follows 4 well.")
         self._lead = in_range("lead", lead, 0.0, 0.05, "m", "1 mm is 0.001.")
 
     def begin(self, rngs: Sequence[np.random.Generator]) -> None:
         """Forget all cuts, and begin ``len(rngs)``; a script uses no randomness."""
-        self.along.begin(rngs)
-        self._estimate.begin(len(rngs))
         self._surface, self._wanted = np.zeros((len(rngs), N_POINTS)), np.zeros((len(rngs), N_POINTS))
         self._passed, self._begun = np.full(len(rngs), -1), np.full(len(rngs), np.nan)
-        self.elapsed: Array = np.zeros(len(rngs))
-        self.start(len(rngs))
-
-    def start(self, count: int) -> None:
-        """Begin ``count`` cuts."""
+        self.elapsed: Array = np.zeros(len(rngs))  # time since each cut began [s], shape (n,)
+        super().begin(rngs)
 
     def forget(self, cuts: Indices) -> None:
         """Begin those cuts again that are given by index."""
-        self.along.forget(cuts)
-        self._estimate.forget(cuts)
+        super().forget(cuts)
         self._passed[cuts], self._begun[cuts] = -1, np.nan
 
     def act(self, observations: Array32) -> Array32:
         """Return actions, (n, 3), for all cuts' observations, (n, 22)."""
-        observations = np.asarray(observations, np.float32)
-        if observations.shape[1:] != (len(DEPTH_CUT.all_components),):
-            raise ValueError(
-                f"observations have shape {observations.shape}; give (n, {len(_OWN_SCALES) + len(COMPONENTS)})."
-            )
-        shown, seen = observations[:, : len(COMPONENTS)].copy(), observations[:, len(COMPONENTS) :] * _OWN_SCALES
+        shown, seen = self.parted(observations)
         along = in_si(shown)
         self._begun = np.where(np.isnan(self._begun), along[:, _TIME_LEFT], self._begun)
         self.elapsed = self._begun - along[:, _TIME_LEFT]
@@ -264,12 +239,8 @@ class DepthScript(ArrayPolicy):
         shown[:, DEPTH_COLUMN] = seen[:, BLADE_DEPTH] / _DEPTH_SCALE
         tips = self.tips(in_si(shown), seen)
         point = np.clip(((tips + self._lead) / SPACING + 0.5).astype(int), 0, self._passed)
-        rows = np.arange(len(point))
-        actions = np.empty((len(shown), 3), np.float32)
-        if isinstance(self.along, Script):
-            self.along.unloading.across = seen[:, VERTICAL_MEAN]
-        actions[:, :2] = self.along.act(shown)
-        depths = self.depths(self._wanted[rows, point], seen, actions)
+        actions = self.move(shown, seen[:, VERTICAL_MEAN])
+        depths = self.depths(self._wanted[np.arange(len(point)), point], seen, actions)
         level = along[:, DEPTH_COLUMN] - seen[:, BLADE_DEPTH]
         descent = self._gain * (level - (self.surfaces(point) - depths))
         actions[:, 2] = np.clip(speed_action(descent * (SPEED_SCALE / DESCENT_SCALE)), -1.0, 1.0)
@@ -280,12 +251,8 @@ class DepthScript(ArrayPolicy):
     def tips(self, along: Array, seen: Array) -> Array:
         """Return the tips [m], shape (n,).
 
-        Parameters
-        ----------
-        along : array, shape (n, 12)
-            Components of gentle cutting, SI, with the depth of the blade as the depth of cut.
-        seen : array, shape (n, 10)
-            Components that depth adds, SI.
+        ``along``, (n, 12), are components of gentle cutting with the blade's depth as the depth of cut, and ``seen``,
+        (n, 10), those that depth adds; SI.
         """
         return self._estimate.tips(along)
 
@@ -306,14 +273,8 @@ class DepthScript(ArrayPolicy):
     def depths(self, wanted: Array, seen: Array, actions: Array32) -> Array:
         """Return the blades' target depths below the surface [m], (n,).
 
-        Parameters
-        ----------
-        wanted : array, shape (n,)
-            Wanted depths at the tips [m].
-        seen : array, shape (n, 10)
-            Components that depth adds to the observations, SI.
-        actions : array, shape (n, 3)
-            Actions with speeds and angles, which may be changed.
+        ``wanted`` are those at the tips [m], (n,); ``seen`` the components that depth adds, SI, (n, 10); ``actions``,
+        (n, 3), with speeds and angles, may be changed.
         """
 
 
@@ -346,9 +307,8 @@ class FollowDepth(DepthScript):
 class DepthByTwoForces(FollowDepth):
     """The wanted depth at a tip that two forces tell.
 
-    The forces along the cut and upwards tell it together, before any return stroke.
-
-    It gives up earlier before a predicted run than the other scripts: the tissue below the cut is spared with it.
+    The forces along the cut and upwards tell it together, before any return stroke. It gives up earlier before a
+    predicted run than the other scripts: the tissue below the cut is spared with it.
     """
 
     def __init__(self, along: ArrayPolicy | None = None, *, gain: float = 4.0, lead: float = 0.006) -> None:
@@ -368,7 +328,7 @@ class DepthByTwoForces(FollowDepth):
         """Return the tips by two forces, or by a return stroke's measurement."""
         located = super().tips(along, seen)
         lags = self._forces.lags(
-            np.column_stack([along[:, _MOTION], seen[:, VERTICAL_MEAN], seen[:, _OWN_DESCENT_SPEED]])
+            np.column_stack([along[:, _MOTION], seen[:, VERTICAL_MEAN], seen[:, _DESCENT_SPEED - _FIRST]])
         )  # fmt: skip
         tips: Array = np.where(self._estimate.memory["probed"] == 1, located, along[:, POSITION_COLUMN] - lags)
         return tips
@@ -377,16 +337,9 @@ class DepthByTwoForces(FollowDepth):
 class DepthByForce(DepthScript):
     """The wanted depth, by the floor of the cut.
 
-    It is not by the blade: where the floor resists, the blade presses on.
-
-    The floor is above the blade by as much as it is pressed, which the vertical force tells.
-
-    Parameters
-    ----------
-    per_force : float
-        Depth to which a newton presses the floor [m/N].
-    most : float
-        Largest depth below the wanted one to which the blade is driven [m].
+    It is not by the blade: where the floor resists, the blade presses on.  The floor is above the blade by as much as
+    it is pressed, by ``per_force`` [m/N] of vertical force, for which the blade is at most ``most`` lower than wanted
+    [m].
     """
 
     def __init__(
@@ -411,19 +364,9 @@ class DepthByForce(DepthScript):
 class ProbeDown(DepthScript):
     """The wanted depth, with probes downwards every so often.
 
-    At a stop the blade goes down a little, is felt, and comes up again.
-
-    The layer below tells itself by a force that differs from that of the tissue: where it was found, the blade keeps
-    above it.
-
-    Parameters
-    ----------
-    every : float
-        Time between probes [s].
-    probe : float
-        Depth of a probe below the wanted depth [m].
-    margin : float
-        Distance that is kept above a layer that was found [m].
+    At a stop ``every`` so many seconds the blade goes down by ``probe`` [m], is felt, and comes up again.  The layer
+    below tells itself by a force that differs from that of the tissue: where it was found, the blade keeps above it, by
+    ``margin`` [m].
     """
 
     def __init__(

@@ -48,12 +48,9 @@ _FORCE_PER_DEPTH = 300.0  # [N/m]
 class Remembered(NamedTuple):
     """Memory of n cuts: records and arrays of shape (n, ...)."""
 
-    memory: StructArray
-    """:data:`~cutenv.agents.policy.tip_estimate.CUT_MEMORY`."""
-    estimates: StructArray
-    """Last estimate of each, :data:`~cutenv.agents.policy.tip_estimate.CUT_ESTIMATE`."""
-    frames: StructArray
-    """History, shape (n, decisions, 5)."""
+    memory: StructArray  # :data:`~cutenv.agents.policy.tip_estimate.CUT_MEMORY`
+    estimates: StructArray  # last estimate of each, :data:`~cutenv.agents.policy.tip_estimate.CUT_ESTIMATE`
+    frames: StructArray  # history, shape (n, decisions, 5)
 
 
 class Features:
@@ -63,17 +60,10 @@ class Features:
 
     Parameters
     ----------
-    count : int
-        Number of cuts.
     history : int
         Number of past decisions in the history: mean, minimum and maximum force, position and angle of each.
     force : bool
         Whether the force is used; if not, every force counts as zero, also in the derived features.
-
-    Attributes
-    ----------
-    size : int
-        Number of features of a cut.
 
     Raises
     ------
@@ -123,24 +113,12 @@ class Features:
         return self._remembered.estimates
 
     def __call__(self, observations: ArrayLike, cuts: Indices | None = None) -> Array32:
-        """Return the features, float32, clipped like observations.
+        """Return the features, float32, (n, size), clipped like observations.
 
-        Parameters
-        ----------
-        observations : array, shape (n, components), or (components,) of a single cut
-            Observations of all cuts, or of those given by index.
-        cuts : array of int, shape (n,), optional
-            Indices of the cuts.
+        ``observations``, (n, components), are of all ``cuts``, or of those given by index; those of a single cut may
+        have one axis.
 
-        Returns
-        -------
-        array, shape (n, size), or (size,) of a single cut
-            The features.
-
-        Raises
-        ------
-        ValueError
-            If the observations have another shape, or are not finite.
+        Raises ValueError if they have another shape, or are not finite.
         """
         shape = np.shape(observations)
         seen = np.array(observations, np.float32, ndmin=2)

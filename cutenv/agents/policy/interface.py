@@ -122,10 +122,7 @@ def as_array_policy(policy: Policy) -> ArrayPolicy:
 def script_of(task: RegisteredTask, name: str) -> ArrayPolicy:
     """Make the script of a task that has this name.
 
-    Raises
-    ------
-    ValueError
-        If there is none.
+    Raises ValueError if there is none.
     """
     return as_array_policy(task.scripts[one_of("script", name, task.scripts)]())
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import partial
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -24,14 +24,12 @@ from cutenv._engine.elementary import exp, tanh
 from cutenv._engine.jit import njit, njit_internal
 from cutenv.agents.policy.features import Features
 from cutenv.agents.policy.interface import POSITION_COLUMN, SPEED_COLUMN, ArrayPolicy, in_si
-from cutenv.agents.policy.scripted import OneReturnStroke, Script, StopAndUnload
-from cutenv.agents.policy.tip_estimate import TipEstimate
+from cutenv.agents.policy.scripted import OneReturnStroke, StopAndUnload, ThirdAxisScript
 from cutenv.sim.tissue.grid import N_POINTS, POINTS_PER_METRE, SPACING
 from cutenv.task.observation import CLIP, COMPONENTS, DEAD_ZONE, SPEED_SCALE, speed_action
 from cutenv.task.path import LINE_AHEAD, PATH_COMPONENTS, PATH_CUT, TURN_SCALE
 
-BACK = 0.020
-"""Length within which the tip is to come back to the line [m]."""
+BACK = 0.020  # length within which the tip is to come back to the line [m]
 _LEAST_FORCE = 0.3  # [N], below which its direction tells nothing
 _LARGEST_ANGLE = 0.3  # [rad], of a crack to the line; what tells of more is an error
 _BELIEVED = 0.050  # [m] of cut, after which a third of what was reckoned before still counts
@@ -59,13 +57,7 @@ def no_course(count: int) -> StructArray:
 
 
 class CrackCourse:
-    """Reckoning of where the cracks of n cuts go.
-
-    Attributes
-    ----------
-    courses : Records, shape (n,)
-        What is reckoned, :data:`COURSE`.
-    """
+    """Reckoning of where the cracks of n cuts go, :data:`COURSE`."""
 
     def __init__(self, count: int) -> None:
         self.courses = no_course(count)
@@ -77,14 +69,9 @@ class CrackCourse:
     def follow(self, position: Array, line: tuple[Array, Array], tip: Array, force: tuple[Array, Array]) -> None:
         """Reckon on with a decision's observations, each of shape (n,).
 
-        Parameters
-        ----------
-        position, tip : array
-            Blade, and estimated tip [m].
-        line : tuple of array
-            Curvature of the line at the blade [1/m]; angle of the blade to the left of it [rad].
-        force : tuple of array
-            Elastic force along the blade, and force on the blade to its right [N].
+        ``position`` and ``tip`` are the blade and the estimated tip [m]; ``line`` is its curvature at the blade [1/m]
+        and the angle of the blade to the left of it [rad]; ``force`` is the elastic one along the blade, and that on
+        the blade to its right [N].
         """
         _follow_all(self.courses, position, line, tip, force)
 
@@ -205,13 +192,11 @@ def _add_path(course: Struct, estimate: Struct, observation: StructArray, featur
         features[i] = min(max(features[i], -CLIP), CLIP)
 
 
-_OWN_SCALES = np.array([one.scale for one in PATH_COMPONENTS])
-_OWN_COLUMNS = {one.name: number for number, one in enumerate(PATH_COMPONENTS)}
 LATERAL, LATERAL_MEAN, ASIDE, DIRECTION, BEND, ASIDE_FURTHER = (
-    _OWN_COLUMNS[name] for name in ("lateral", "lateral_mean", "aside", "direction", "bend", "aside_further")
+    _COLUMNS[name] - _FIRST for name in ("lateral", "lateral_mean", "aside", "direction", "bend", "aside_further")
 )
 """Columns of what the path adds to an observation."""
-_BENDS = [_OWN_COLUMNS[name] for name in ("bend", "bend_near", "bend_further")]
+_BENDS = [_COLUMNS[name] - _FIRST for name in ("bend", "bend_near", "bend_further")]
 _RETURN_LENGTH = 0.004  # [m], length within which a blade comes back to its course
 _LARGEST_TURN = 0.5  # [rad], of a blade to the line
 _YIELDED = 0.003  # [m/N], by which the tissue yields to a side; less, since friction is felt too
@@ -223,12 +208,9 @@ class SeenPath(NamedTuple):
     Each of shape (n,) or (n, columns), SI.
     """
 
-    along: Array
-    """Components of gentle cutting, shape (n, 12)."""
-    line: Array
-    """Components that the path adds, shape (n, 16)."""
-    estimates: StructArray
-    """Estimates of the tip, :data:`~cutenv.agents.policy.tip_estimate.CUT_ESTIMATE`."""
+    along: Array  # components of gentle cutting, shape (n, 12)
+    line: Array  # components that the path adds, shape (n, 16)
+    estimates: StructArray  # estimates of the tip, :data:`~cutenv.agents.policy.tip_estimate.CUT_ESTIMATE`
 
     @property
     def lag(self) -> Array:
@@ -243,52 +225,19 @@ class SeenPath(NamedTuple):
         return angle
 
 
-class PathScript(ArrayPolicy):
-    """Base class of gentle-cutting policies that steer by :meth:`bends`.
+class PathScript(ThirdAxisScript):
+    """Base class of gentle-cutting policies that steer by :meth:`bends`."""
 
-    Parameters
-    ----------
-    along : ArrayPolicy, optional
-        Policy of gentle cutting.  Default: the best script.
-
-    Attributes
-    ----------
-    environment_arguments : dict
-        Keywords of the environment for which it was made; none: it may have any.
-    """
-
+    components = PATH_CUT.all_components
+    # keywords of the environment for which it was made; none: it may have any
     environment_arguments: Mapping[str, Any] = MappingProxyType({})
-
-    def __init__(self, along: ArrayPolicy | None = None) -> None:
-        self.along = along or OneReturnStroke()
-        self._estimate = TipEstimate()
-
-    def begin(self, rngs: Sequence[np.random.Generator]) -> None:
-        """Forget all cuts, and begin ``len(rngs)``; a script uses no randomness."""
-        self.along.begin(rngs)
-        self._estimate.begin(len(rngs))
-        self.start(len(rngs))
-
-    def start(self, count: int) -> None:
-        """Begin ``count`` cuts."""
-
-    def forget(self, cuts: Indices) -> None:
-        """Begin those cuts again that are given by index."""
-        self.along.forget(cuts)
-        self._estimate.forget(cuts)
 
     def act(self, observations: Array32) -> Array32:
         """Return actions, (n, 3), for all cuts' observations, (n, 28)."""
-        observations = np.asarray(observations, np.float32)
-        if observations.shape[1:] != (len(PATH_CUT.all_components),):
-            raise ValueError(f"observations have shape {observations.shape}; give (n, {len(PATH_CUT.all_components)}).")
-        shown = observations[:, : len(COMPONENTS)]
+        shown, line = self.parted(observations)
         along = in_si(shown)
-        seen = SeenPath(along, observations[:, len(COMPONENTS) :] * _OWN_SCALES, self._estimate.estimates(along))
-        actions = np.empty((len(shown), 3), np.float32)
-        if isinstance(self.along, Script):
-            self.along.unloading.across = seen.line[:, LATERAL]
-        actions[:, :2] = self.along.act(shown)
+        seen = SeenPath(along, line, self._estimate.estimates(along))
+        actions = self.move(shown, line[:, LATERAL])
         turn = along[:, SPEED_COLUMN] * self.bends(seen, actions)
         actions[:, 2] = np.clip(speed_action(turn * (SPEED_SCALE / TURN_SCALE)), -1.0, 1.0)
         return actions
@@ -337,10 +286,7 @@ class LookAhead(PathScript):
 class SlowInBends(PathScript):
     """Blade that follows the line, slower before bends within 10 mm.
 
-    Parameters
-    ----------
-    bend : float
-        Curvature at which the speed is half [1/m].
+    At the curvature ``bend`` [1/m] the speed is half.
     """
 
     def __init__(self, along: ArrayPolicy | None = None, *, bend: float = 40.0) -> None:
@@ -359,12 +305,8 @@ class SlowInBends(PathScript):
 class OutsideTheBend(PathScript):
     """A blade outside the bend, on the line's tangent.
 
-    The tangent is at the estimated tip, so that the tip trails along the line.
-
-    Parameters
-    ----------
-    share : float
-        Share of that distance.
+    The tangent is at the estimated tip, so that the tip trails along the line; the blade is at a ``share`` of that
+    distance.
     """
 
     def __init__(self, along: ArrayPolicy | None = None, *, share: float = 1.0) -> None:
@@ -381,14 +323,7 @@ class SteerByForce(PathScript):
 
     The crack turns after the force, whose direction is felt.  So the way of the tip is reckoned
     (:mod:`cutenv.agents.policy.path_policies`), and the blade is led to that side where the force must be for the tip
-    to come back to the line.
-
-    Parameters
-    ----------
-    gain : float
-        Angle of the blade to the line over that by which the crack is to turn [1].
-    back : float
-        Length within which the tip is to come back to the line [m].
+    to come back to the line within ``back`` [m]: by an angle of ``gain`` times that by which the crack is to turn.
     """
 
     def __init__(self, along: ArrayPolicy | None = None, *, gain: float = 1.5, back: float = BACK) -> None:
@@ -439,10 +374,8 @@ TUNED_AT: Mapping[str, Any] = {"control_hz": 10}
 def with_numbers(kind: type[PathScript], numbers: Mapping[str, float]) -> PathScript:
     """Return a script of a kind with numbers by name.
 
-    Those that are not given are usual.
-
-    They are those of :data:`ALONG_NUMBERS` and :data:`ENDING_NUMBERS`, and the kind's own.  The script decides as often
-    as when the numbers were found.
+    Those that are not given are usual.  They are those of :data:`ALONG_NUMBERS` and :data:`ENDING_NUMBERS`, and the
+    kind's own. The script decides as often as when the numbers were found.
     """
     rest = dict(numbers)
     margin, retreat_speed = rest.pop("margin", -0.0005), rest.pop("retreat_speed", 0.012)

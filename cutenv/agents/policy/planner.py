@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -30,10 +30,8 @@ from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, COMPONENTS, speed
 from cutenv.task.stepper import Ahead, Decision, flat_views, step_row
 
 N_COMPONENTS = len(COMPONENTS)
-KNOTS = 28
-"""Number of segments of a plan, each with its own speed and angle."""
-STRETCH = 0.005
-"""Length of a segment along the cut [m]; the last one extends to the end."""
+KNOTS = 28  # number of segments of a plan, each with its own speed and angle
+STRETCH = 0.005  # length of a segment along the cut [m]; the last one extends to the end
 UPRIGHT = 0.5 * math.pi
 
 PLAN: np.dtype[Any] = np.dtype(
@@ -72,35 +70,20 @@ _LANES, _COUNTS = STRAIGHT.lanes(LANES), GENTLE_CUT.counts(LANES)
 class RollOut(NamedTuple):
     """Settings of following n plans, and what is filled."""
 
-    together: int
-    """Number of plans that one thread follows at a time; a plan and its leader are among the same ones."""
-    ticks: int
-    """Milliseconds between decisions."""
-    decisions: int
-    """Largest number of decisions."""
-    returns: StructArray
-    """Filled with the return of each plan, shape (n,)."""
-    actions: StructArray
-    """Filled with the actions taken, shape (n, decisions, 2), unless it has no rows; not for plans with a leader."""
+    together: int  # number of plans that one thread follows at a time; a plan and its leader are among the same ones
+    ticks: int  # milliseconds between decisions
+    decisions: int  # largest number of decisions
+    returns: StructArray  # filled with the return of each plan, shape (n,)
+    actions: StructArray  # filled with those taken, (n, decisions, 2), if it has rows; not for plans with a leader
 
 
 @njit_nogil
 def roll_out_some(passed: WorkQueue, core: int, cuts: Cuts, plans: StructArray, roll_out: RollOut) -> None:
-    """Simulate n plans to their cuts' ends, rewarded from hidden state.
+    """Simulate n plans, :data:`PLAN`, to their cuts' ends, rewarded from hidden state.
 
-    A plan with a leader takes over its cut where it stops, so that what they share is simulated once.
-
-    Parameters
-    ----------
-    passed, core : WorkQueue, int
-        Work queue, of as many plans each as are followed together, and number of the thread, see
-        :func:`cutenv._engine.parallel.parallel_for`.
-    cuts : Cuts
-        n straight cuts at their start, changed in place.
-    plans : Records
-        :data:`PLAN`, shape (n,).
-    roll_out : RollOut
-        Settings, and what is filled.
+    A plan with a leader takes over its cut where it stops, so that what they share is simulated once.  The work queue
+    has as many plans each as are followed together, see :func:`cutenv._engine.parallel.parallel_for`; the n straight
+    cuts at their start are changed in place.
     """
     together, ticks, decisions, returns, actions = roll_out
     count = len(plans)
@@ -199,12 +182,8 @@ _NEVER = 1.0  # [m], a place that no blade reaches
 class Search:
     """Random local search over plans, for one cut or many.
 
-    It starts from the best of a grid of constant ones.
-
-    Parameters
-    ----------
-    *cuttings : Episode
-        Cuts at their start, of one rate and deadline; they are copied and not changed.
+    It starts from the best of a grid of constant ones.  The cuts, at their start and of one rate and deadline, are
+    copied and not changed.
     """
 
     def __init__(self, *cuttings: Episode) -> None:
@@ -319,17 +298,13 @@ class PlannerWithTruth(ArrayPolicy):
     An upper bound that no real policy can reach.
 
     Its plans come from a search, so the true optimum is slightly better.
-
-    Parameters
-    ----------
-    rounds : int
-        Number of rounds of the search.
     """
 
-    def __init__(self, *, rounds: int = 20) -> None:
-        self._rounds = int(in_range("rounds", rounds, 0, 10**6, "1", "20 come within 0.002 of 200."))
-
     privileged = True
+    cure: ClassVar[str] = "20 come within 0.002 of 200."
+
+    def __init__(self, *, rounds: int = 20) -> None:
+        self._rounds = int(in_range("rounds", rounds, 0, 10**6, "1", self.cure))
 
     def begin(self, rngs: Sequence[np.random.Generator]) -> None:
         """Forget all cuts, and begin ``len(rngs)``."""
@@ -346,12 +321,16 @@ class PlannerWithTruth(ArrayPolicy):
         """Plan the cut that is about to begin."""
         self.set_states([cutting])
 
-    def set_states(self, cuttings: Sequence[Episode]) -> None:
+    def set_states(self, cuttings: Sequence[Any]) -> None:
         """Plan the cuts that are about to begin, on all cores."""
+        self._actions = list(self.planned(cuttings))
+        self._decided = np.zeros(len(cuttings), int)
+
+    def planned(self, cuttings: Sequence[Any]) -> Iterable[Array32]:
+        """Return each cut's actions by decision, shape (decisions, k)."""
         search = Search(*cuttings)
         plans = [plan for plan, _ in search.best(self._rngs, rounds=self._rounds)]
-        self._actions = [actions.astype(np.float32) for actions in search.commands(plans)]
-        self._decided = np.zeros(len(cuttings), int)
+        return (actions.astype(np.float32) for actions in search.commands(plans))
 
     def act(self, observations: Array32) -> Array32:
         """Return the next action of each plan, whatever the observations."""
@@ -371,8 +350,6 @@ class PlannerNominal(Script):
     ----------
     tissue : TissueDescription, optional
         Default: the measured pig liver.
-    rounds : int
-        Number of rounds of the search.
     """
 
     def __init__(

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,7 +29,7 @@ from cutenv.agents.policy.interface import (
 )
 from cutenv.agents.policy.tip_estimate import CUT_ESTIMATE, TipEstimate
 from cutenv.sim.quantities import SHALLOWEST
-from cutenv.task.observation import to_action
+from cutenv.task.observation import COMPONENTS, Component, to_action
 
 UPRIGHT = math.pi / 2
 _DECELERATION = 0.1  # [m/s2]
@@ -445,12 +445,8 @@ class ProbeAndCreep(ArrayPolicy):
 class UnloadProbe:
     """A retreat at constant speed until only friction is measured.
 
-    Attributes
-    ----------
-    tip : float
-        Position at which the force has fallen to friction [m].
-    stiffness : float
-        Stiffness K from the slope of the force during the retreat [N/m]; 0 if there was nothing to unload.
+    ``tip`` is where the force has fallen to friction [m]; ``stiffness`` is K from the slope of the force during the
+    retreat [N/m], 0 if there was nothing to unload.
     """
 
     SPEED = 0.010  # [m/s]
@@ -485,3 +481,46 @@ class UnloadProbe:
             self.stiffness, offset = (float(c) for c in np.polyfit(slope[:, 0], slope[:, 1] - friction, 1))
             if self.stiffness > 0.0:
                 self.tip = -offset / self.stiffness
+
+
+class ThirdAxisScript(ArrayPolicy):
+    """Base class of scripts for a third action, which move along the cut as gentle cutting does.
+
+    ``along`` is a policy of gentle cutting, by default the best script.
+    """
+
+    components: ClassVar[Sequence[Component]]  # all those of the task's observation
+
+    def __init__(self, along: ArrayPolicy | None = None) -> None:
+        self.along = along or OneReturnStroke()
+        self._estimate = TipEstimate()
+        self._scales = np.array([one.scale for one in self.components[len(COMPONENTS) :]])
+
+    def begin(self, rngs: Sequence[np.random.Generator]) -> None:
+        """Forget all cuts, and begin ``len(rngs)``; a script uses no randomness."""
+        self.along.begin(rngs)
+        self._estimate.begin(len(rngs))
+        self.start(len(rngs))
+
+    def start(self, count: int) -> None:
+        """Begin ``count`` cuts."""
+
+    def forget(self, cuts: Indices) -> None:
+        """Begin those cuts again that are given by index."""
+        self.along.forget(cuts)
+        self._estimate.forget(cuts)
+
+    def parted(self, observations: Array32) -> tuple[Array32, Array]:
+        """Return gentle cutting's part, (n, 12), and what the task adds, SI."""
+        observations = np.asarray(observations, np.float32)
+        if observations.shape[1:] != (len(self.components),):
+            raise ValueError(f"observations have shape {observations.shape}; give (n, {len(self.components)}).")
+        return observations[:, : len(COMPONENTS)].copy(), observations[:, len(COMPONENTS) :] * self._scales
+
+    def move(self, shown: Array32, across: Array) -> Array32:
+        """Return actions, (n, 3), with the first two of ``along``, given the force across [N]."""
+        actions = np.empty((len(shown), 3), np.float32)
+        if isinstance(self.along, Script):
+            self.along.unloading.across = across
+        actions[:, :2] = self.along.act(shown)
+        return actions

@@ -133,16 +133,11 @@ def named_folder(name: str | Path) -> Path | None:
 def policy_of_class(name: str) -> Policy | None:
     """Make a policy of a user's own class, named ``MODULE:CLASS``.
 
-    It is None if the name has not that form.
+    It is None if the name has not that form. The module is one in the present folder or an installed one. The class may
+    tell in ``environment_arguments`` with which keywords its environment is made, such as ``{"control_hz": 10}``, and
+    in ``files`` which files it reads, relative to the present folder: they are part of an entry on the leaderboard.
 
-    The module is one in the present folder or an installed one. The class may tell in ``environment_arguments`` with
-    which keywords its environment is made, such as ``{"control_hz": 10}``, and in ``files`` which files it reads,
-    relative to the present folder: they are part of an entry on the leaderboard.
-
-    Raises
-    ------
-    ValueError
-        If there is no such module or class; tells why.
+    Raises ValueError if there is no such module or class; tells why.
     """
     module, colon, made = name.partition(":")
     if not (colon and module.replace(".", "").isidentifier()):

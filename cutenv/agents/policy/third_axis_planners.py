@@ -7,18 +7,16 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv._base.arrays import Array, Array32, Indices, Struct, StructArray
-from cutenv._base.validation import in_range
+from cutenv._base.arrays import Array, Array32, Struct, StructArray
 from cutenv._engine.jit import njit, njit_internal
 from cutenv._engine.parallel import parallel_for
-from cutenv.agents.policy.interface import ArrayPolicy
-from cutenv.agents.policy.planner import Search, choose_action
+from cutenv.agents.policy.planner import PlannerWithTruth, Search, choose_action
 from cutenv.sim.cutting.descent import renew
 from cutenv.sim.cutting.dtypes import READING
 from cutenv.sim.cutting.law import grid_index, lerp
@@ -26,7 +24,6 @@ from cutenv.sim.cutting.steering import to_crack
 from cutenv.sim.tissue.grid import N_POINTS, POINTS_PER_METRE
 from cutenv.task.declare import Cuts, Task
 from cutenv.task.depth import DEPTH_CUT, DESCENT_SCALE, DepthEpisode
-from cutenv.task.episode import Episode
 from cutenv.task.info import INFO
 from cutenv.task.observation import SPEED_SCALE, speed_action
 from cutenv.task.path import PATH_CUT, TURN_SCALE
@@ -50,18 +47,13 @@ class ThirdPlan(NamedTuple):
 class MapSearch:
     """Random local search over plans of whole cuts, each simulated.
 
-    Parameters
-    ----------
-    cuttings : sequence of Episode
-        Cuts at their start, of one rate and deadline; they are copied and not changed.
+    The cuts, at their start and of one rate and deadline, are copied and not changed.
     """
 
     task: ClassVar[Task]
-    """Task of the cuts."""
     third: ClassVar[ThirdPlan]
-    """Plan of the third action."""
+    # distances by which the blade may have to go further than without the third action, tried first [m]
     later: ClassVar[tuple[float, ...]] = (0.0,)
-    """Distances by which the blade may have to go further than without the third action, tried first [m]."""
 
     def __init__(self, cuttings: Sequence[Any]) -> None:
         for cutting in cuttings:
@@ -139,55 +131,17 @@ class MapSearch:
         return np.clip(varied, self.third.low, self.third.high)
 
 
-class MapPlanner(ArrayPolicy):
-    """An oracle that knows the specimen and plans the whole cut.
+class MapPlanner(PlannerWithTruth):
+    """An oracle of a task with a map; its search is of whole cuts with a third action."""
 
-    Its plans come from a search, so the true optimum is better.
-
-    Parameters
-    ----------
-    rounds : int, optional
-        Number of rounds of the search.
-    """
-
-    privileged = True
-    default_rounds: ClassVar[int] = 20
     search: ClassVar[type[MapSearch]]
-    """Class of the search."""
+    cure = "20 are a compromise."
 
-    def __init__(self, *, rounds: int | None = None) -> None:
-        rounds = self.default_rounds if rounds is None else rounds
-        cure = f"{self.default_rounds} are a compromise."
-        self._rounds = int(in_range("rounds", rounds, 0, 10**6, "1", cure))
-
-    def begin(self, rngs: Sequence[np.random.Generator]) -> None:
-        """Forget all cuts, and begin ``len(rngs)``."""
-        self._rngs = list(rngs)
-        self._actions: Array32 | None = None
-        self._decided = np.zeros(len(rngs), int)
-
-    def forget(self, cuts: Indices) -> None:
-        """Forget the plans, which were for other cuts."""
-        self._actions = None
-
-    def set_state(self, cutting: Episode) -> None:
-        """Plan the cut that is about to begin."""
-        self.set_states([cutting])
-
-    def set_states(self, cuttings: Sequence[Any]) -> None:
-        """Plan the cuts that are about to begin, on all cores."""
+    def planned(self, cuttings: Sequence[Any]) -> Iterable[Array32]:
+        """Return each cut's actions by decision, shape (decisions, 3)."""
         search = self.search(cuttings)
         plans, third, _ = search.best(self._rngs, rounds=self._rounds)
-        self._actions = search.roll_out(plans, third, 1, recorded=True)[1]
-        self._decided = np.zeros(len(cuttings), int)
-
-    def act(self, observations: Array32) -> Array32:
-        """Return the next action of each plan, whatever the observations."""
-        if self._actions is None:
-            raise RuntimeError("this planner must be shown the cut: call set_state(env.unwrapped.cutting) after reset.")
-        self._decided += 1
-        actions: Array32 = self._actions[np.arange(len(observations)), self._decided - 1]
-        return actions
+        return search.roll_out(plans, third, 1, recorded=True)[1]
 
 
 _LEAD, _GAIN = 0.004, 6.0  # at the start of the search [m], and always [1/s]
@@ -260,17 +214,7 @@ class DepthSearch(MapSearch):
 
 
 class DepthPlanner(MapPlanner):
-    """The oracle of ``cutenv/DepthCut-v1``.
-
-    It knows the specimen and plans the whole cut.
-
-    Its plans come from a search, so the true optimum is better.
-
-    Parameters
-    ----------
-    rounds : int, optional
-        Number of rounds of the search.
-    """
+    """The oracle of ``cutenv/DepthCut-v1``."""
 
     search = DepthSearch
 
@@ -335,16 +279,12 @@ class PathSearch(MapSearch):
 class PathPlanner(MapPlanner):
     """The oracle of ``cutenv/PathCut-v1``.
 
-    It knows tissue and tip, and plans the whole cut.
-
     Speed, angle and end come from a search; the blade is steered by the true direction and stiffness of the crack, with
     lengths that are searched for as well.
-
-    Parameters
-    ----------
-    rounds : int, optional
-        Number of rounds of the search.
     """
 
     search = PathSearch
-    default_rounds = 10
+    cure = "10 are a compromise."
+
+    def __init__(self, *, rounds: int = 10) -> None:
+        super().__init__(rounds=rounds)

@@ -159,14 +159,8 @@ def _estimate_all(memory: StructArray, nominals: StructArray, seen: StructArray,
 def estimate_cut(memory: Struct, nominal: Struct, reading: BladeReading, mean_force: float, estimate: Struct) -> None:
     """Fill ``estimate`` from an observation, and remember what it shows.
 
-    Parameters
-    ----------
-    memory, nominal : Record
-        :data:`CUT_MEMORY`, changed in place; :data:`cutenv.sim.tissue.specimen.NOMINAL`.
-    reading, mean_force : BladeReading, float
-        Reading at the observation, and the mean force since the last one [N].
-    estimate : Record
-        :data:`CUT_ESTIMATE`, filled.
+    ``memory``, :data:`CUT_MEMORY`, is changed in place; ``nominal`` is :data:`cutenv.sim.tissue.specimen.NOMINAL`;
+    ``mean_force`` is that since the last observation [N].
     """
     position, _, depth, force = reading
     remember_stiffness(memory, nominal, position, depth)
@@ -256,11 +250,8 @@ class TwoForces:
     def lags(self, felt: Array) -> Array:
         """Return the tips' lags behind the blades [m], (n,).
 
-        Parameters
-        ----------
-        felt : array, shape (n, 6)
-            Position [m], speed [m/s] and depth [m] of the blade, mean forces along the cut and upwards since the last
-            decision [N], and speed downwards [m/s].
+        ``felt``, (n, 6), are position [m], speed [m/s] and depth [m] of the blade, mean forces along the cut and
+        upwards since the last decision [N], and speed downwards [m/s].
         """
         _feel_all(self._felt, self._nominal, felt, self._lags)
         return self._lags
@@ -277,18 +268,10 @@ def _feel_all(felt: StructArray, nominals: StructArray, values: Array, lags: Arr
 def feel_two_forces(
     felt: Struct, nominal: Struct, reading: BladeReading, upwards: float, descent_speed: float
 ) -> float:
-    """Update what is known of one cut by a decision's forces.
+    """Update :data:`TWO_FORCES` by a decision; return the tip's lag [m].
 
-    Return the lag of the tip behind the blade [m].
-
-    Parameters
-    ----------
-    felt, nominal : Record
-        :data:`TWO_FORCES`, changed in place; :data:`cutenv.sim.tissue.specimen.NOMINAL`.
-    reading : BladeReading
-        Reading with the depth to which the blade is in the tissue, and the mean force since the last decision.
-    upwards, descent_speed : float
-        Mean of the force upwards since the last decision [N]; speed downwards [m/s].
+    ``nominal`` is :data:`cutenv.sim.tissue.specimen.NOMINAL`; the reading has the depth to which the blade is in the
+    tissue, and the mean force since the last decision, as ``upwards`` is [N]; ``descent_speed`` is downwards [m/s].
     """
     position, speed, depth, force = reading
     way = math.sqrt(speed * speed + descent_speed * descent_speed)
@@ -313,12 +296,9 @@ def feel_two_forces(
 class _MeanCut(NamedTuple):
     """Forces of the mean tissue on this blade."""
 
-    friction: float
-    """[N]."""
-    stiffness: float
-    """[N/m]."""
-    rise: float
-    """Rise of the stiffness with depth [N/m2]."""
+    friction: float  # [N]
+    stiffness: float  # [N/m]
+    rise: float  # rise of the stiffness with depth [N/m2]
 
 
 @njit_internal

@@ -200,13 +200,6 @@ class TrainedPolicy(ArrayPolicy):
 
     :meth:`load` reads one from a folder that :func:`save_policy` wrote.
 
-    Parameters
-    ----------
-    card : PolicyCard
-        Description of the network.
-    network : Network or RecurrentNetwork
-        Network from features to action.
-
     Raises
     ------
     ValueError
@@ -343,17 +336,10 @@ def save_policy(
     ----------
     folder : path
         Created if missing.  It may hold the same policy already, also with other facts about its training.
-    network : Network or RecurrentNetwork
-        Network from features to action.
     environment, environment_arguments, features, training, script, hold
         Same as in :class:`PolicyCard`.
     replace : bool
         Whether a different policy in the folder is overwritten.
-
-    Returns
-    -------
-    PolicyCard
-        The card as written.
 
     Raises
     ------

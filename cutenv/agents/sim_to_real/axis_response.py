@@ -37,29 +37,16 @@ class Response:
     A standard error holds two things: the spread between steps (jackknife), and what the model does not describe. The
     misfit that is left over is alike within a step, and a constant may have taken up as much of it again; so it counts
     as one misfit of that size for each step, however many samples the step has.
-
-    Attributes
-    ----------
-    lag, dead_time : float
-        Lag and dead time [s]; the dead time includes the transport of command and sample over the bus.
-    acceleration : float or None
-        Acceleration limit [m/s2]; None if no step was fast enough to reach a limit.
-    lag_error, dead_time_error, acceleration_error : float
-        Standard errors.
-    least_acceleration : float
-        Greatest acceleration that was reached [m/s2].
-    misfit : float
-        Root mean square of measured minus modelled position [m].
     """
 
-    lag: float
+    lag: float  # lag and dead time [s]; the dead time includes the transport of command and sample over the bus
     dead_time: float
-    acceleration: float | None
-    lag_error: float
+    acceleration: float | None  # acceleration limit [m/s2]; None if no step was fast enough to reach a limit
+    lag_error: float  # standard errors
     dead_time_error: float
     acceleration_error: float
-    least_acceleration: float
-    misfit: float
+    least_acceleration: float  # greatest acceleration that was reached [m/s2]
+    misfit: float  # root mean square of measured minus modelled position [m]
 
     def positions(self, stretch: Stretch) -> Array:
         """Return modelled positions at the samples [m], up to a constant."""
@@ -75,12 +62,9 @@ class SineCheck(NamedTuple):
     frequency: float
     gain: float
     phase: float
-    gain_error: float
-    """Measured gain over the modelled, minus 1."""
-    phase_error: float
-    """Measured phase minus the modelled [rad]."""
-    swing: float
-    """Amplitude of the measured position [m]."""
+    gain_error: float  # measured gain over the modelled, minus 1
+    phase_error: float  # measured phase minus the modelled [rad]
+    swing: float  # amplitude of the measured position [m]
 
     @property
     def verdict(self) -> str:
@@ -100,28 +84,18 @@ class ForceDelay(NamedTuple):
     The delay is behind the position; both have standard errors.
     """
 
-    delay: float
-    """[s]"""
+    delay: float  # [s]
     error: float
-    mass: float
-    """Its inertia is what is felt in air [kg]; negative: the force has the wrong sign."""
+    mass: float  # its inertia is what is felt in air [kg]; negative: the force has the wrong sign
     mass_error: float
 
 
 def force_delay(sines: Sequence[Stretch], felt: Sequence[Felt], frequencies: Sequence[float]) -> ForceDelay | Unseen:
     """Estimate force delay by inertia in air: F(t) = m a(t - delay).
 
-    Of each sine one amplitude and one phase is taken of the position and of the force. Mass and delay are those that
-    fit the phases of all frequencies; the standard errors are those of the noise beside the sines.
-
-    Parameters
-    ----------
-    sines : sequence of Stretch
-        Sines.
-    felt : sequence of Felt
-        The readings meanwhile.
-    frequencies : sequence of float
-        Frequency of each [Hz].
+    Of each sine, whose frequency is in hertz, one amplitude and one phase is taken of the position and of the force.
+    Mass and delay are those that fit the phases of all frequencies; the standard errors are those of the noise beside
+    the sines.
     """
     ratios, errors, turns = [], [], []
     for sine, readings, frequency in zip(sines, felt, frequencies, strict=True):
@@ -129,8 +103,8 @@ def force_delay(sines: Sequence[Stretch], felt: Sequence[Felt], frequencies: Seq
         if moved.sum() < _FEWEST or heard.sum() < _FEWEST:
             continue
         omega, begun = 2.0 * math.pi * frequency, float(sine.time[moved][0])
-        position = _component(sine.time[moved], sine.position[moved], frequency, begun)
-        force, noise = _component_with_error(readings.time[heard], readings.force[heard], frequency, begun)
+        position, _ = _component(sine.time[moved], sine.position[moved], frequency, begun)
+        force, noise = _component(readings.time[heard], readings.force[heard], frequency, begun)
         if position == 0.0:
             continue
         acceleration = -(omega**2) * position
@@ -207,20 +181,11 @@ def modelled(stretch: Stretch, lag: float, acceleration: float, dead_time: float
 def fit_response(steps: Sequence[Stretch], *, nominal_acceleration: float) -> Response:
     """Fit lag, acceleration limit and dead time to speed steps.
 
-    Each step is from rest to rest.  Least squares on position with a loss that is robust to samples which arrived late;
-    the offset of each step is free.
+    Each step is from rest to rest; slow ones determine the lag, fast ones the limit.  Least squares on position with a
+    loss that is robust to samples which arrived late; the offset of each step is free.  The fit starts from the
+    acceleration set in the drive [m/s2].
 
-    Parameters
-    ----------
-    steps : sequence of Stretch
-        Steps at several speeds: slow ones determine the lag, fast ones the limit.
-    nominal_acceleration : float
-        Acceleration set in the drive [m/s2], from which the fit starts.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than three steps with motion.
+    Raises ValueError if there are fewer than three steps with motion.
     """
     steps = [each for each in steps if len(each.time) >= 20 and np.ptp(each.position) > 0.0]
     if len(steps) < 3:
@@ -295,7 +260,7 @@ def check_sine(stretch: Stretch, frequency: float, response: Response) -> SineCh
     settled = _within(stretch, stretch.time, frequency)
     time = stretch.time[settled]
     measured, model, told = (
-        _component(time, position[settled], frequency)
+        _component(time, position[settled], frequency, float(time[0]))[0]
         for position in (stretch.position, response.positions(stretch), commanded)
     )
     return SineCheck(
@@ -308,13 +273,8 @@ def check_sine(stretch: Stretch, frequency: float, response: Response) -> SineCh
     )
 
 
-def _component(time: Array, values: Array, frequency: float, begun: float | None = None) -> complex:
-    """Return a drifting sine's amplitude, and phase at ``begun`` or the start."""
-    return _component_with_error(time, values, frequency, float(time[0]) if begun is None else begun)[0]
-
-
-def _component_with_error(time: Array, values: Array, frequency: float, begun: float) -> tuple[complex, float]:
-    """Return amplitude, phase, and the standard error of either part."""
+def _component(time: Array, values: Array, frequency: float, begun: float) -> tuple[complex, float]:
+    """Return a drifting sine's amplitude, its phase at ``begun``, and the standard error of either part."""
     turn = 2.0 * math.pi * frequency * (time - begun)
     columns = np.column_stack((np.cos(turn), -np.sin(turn), np.ones_like(time), time - begun))
     found = np.linalg.lstsq(columns, values, rcond=None)[0]
@@ -322,8 +282,7 @@ def _component_with_error(time: Array, values: Array, frequency: float, begun: f
     return complex(found[0], found[1]), math.sqrt(2.0 * float(off @ off)) / len(values)
 
 
-TORQUE_STEP = 1e-3
-"""Resolution of the reported torque over the rated one: drives count per mille."""
+TORQUE_STEP = 1e-3  # resolution of the reported torque over the rated one: drives count per mille
 _LAGS = 5.0  # lags after which a speed counts as steady
 _FEWEST = 8  # least number of samples of a steady speed
 _BEGUN = 0.5  # share of the speed, from which an axis that reversed counts as moving again
@@ -341,8 +300,7 @@ class Friction(NamedTuple):
 
     coulomb: float
     error: float
-    viscous: float
-    """Viscous friction [N s/m]."""
+    viscous: float  # viscous friction [N s/m]
 
 
 class Play(NamedTuple):
@@ -369,16 +327,7 @@ def coulomb_friction(
 ) -> Friction | Unseen:
     """Estimate Coulomb's and viscous friction from torque at steady speeds.
 
-    |F| = Coulomb's + viscous |v|, plus a constant load.
-
-    Parameters
-    ----------
-    steps : sequence of Stretch
-        Steps of speed, held until they are steady.
-    axis : Axis
-        Gear, lead and rated torque.
-    lag, acceleration, dead_time : float
-        Lag [s], acceleration [m/s2] and dead time [s] of the axis, after which a speed is steady.
+    |F| = Coulomb's + viscous |v|, plus a constant load. A speed is steady some lags [s] after dead time [s] and ramp.
     """
     speeds, forces = [], []
     for step in steps:

@@ -46,35 +46,17 @@ TWINS = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Evaluation:
-    """Content of an evaluation's report.
+    """Content of an evaluation's report."""
 
-    Attributes
-    ----------
-    policy, rig, specimen_class : str
-        Names of policy, rig and class.
-    seed : int
-        Seed of the specimens.
-    agreement : Agreement
-        Agreement of the cuts.
-    clock : ClockKept
-        Timing of the rig's control clock.
-    given : mapping of str to float
-        Constants identified on the rig and given to the simulator, in SI.
-    changed : mapping of str to float
-        Constants of an emulated or fake rig that were changed, in SI.
-    notes : tuple of str
-        Further notes for the reader.
-    """
-
-    policy: str
+    policy: str  # names of policy, rig and class
     rig: str
     specimen_class: str
     seed: int
     agreement: Agreement
-    clock: ClockKept
-    given: Mapping[str, float] = field(default_factory=dict)
-    changed: Mapping[str, float] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+    clock: ClockKept  # timing of the rig's control clock
+    given: Mapping[str, float] = field(default_factory=dict)  # identified on the rig, for the simulator; SI
+    changed: Mapping[str, float] = field(default_factory=dict)  # of an emulated or fake rig; SI
+    notes: tuple[str, ...] = ()  # further notes for the reader
 
     @property
     def title(self) -> str:
@@ -172,12 +154,9 @@ class Evaluation:
 _HEADS = "rig minus simulator", "unit", "simulator", "rig", "difference [95 %]", "margin", "answer"
 
 
-def _cells(each: Finding) -> list[str]:
-    unit, shift = shown_unit(each.measure.unit), each.shift
-    values = [rounded_text(unit.from_si(value)) for value in (each.simulator, each.rig)]
-    difference = interval(*map(unit.from_si, (shift.value, shift.low, shift.high)))
-    margin = three_digits(unit.from_si(shift.margin))
-    return [each.measure.name, unit.sign, *values, difference, margin, each.answer]
+def _cells(found: Finding) -> list[str]:
+    unit, (simulator, rig, shift, _, margin, _, answer) = _shown(found)
+    return [found.measure.name, unit, simulator, rig, shift, margin, answer]
 
 
 def rounded_text(value: float) -> str:
@@ -334,19 +313,9 @@ _KINDS = {"agree": ("good", "They agree"), "differ": ("bad", "They differ"), "un
 
 
 def write_evaluation(path: Path, evaluation: Evaluation) -> None:
-    """Write an evaluation as one self-contained page.
+    """Write an evaluation as one self-contained page (.html).
 
-    Parameters
-    ----------
-    path : Path
-        Path of the page (.html), in a folder that exists.
-    evaluation : Evaluation
-        Evaluation to write.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not installed; the message gives the command that installs it.
+    Raises ImportError if matplotlib is not installed; the message gives the command that installs it.
     """
     agreement = evaluation.agreement
     kind, word = _KINDS[agreement.verdict.answer]

@@ -78,10 +78,6 @@ def signed_rank_shift(differences: ArrayLike, margin: float) -> EffectEstimate:
     margin : float
         Equivalence margin, positive, in their unit.
 
-    Returns
-    -------
-    Shift
-
     Raises
     ------
     TypeError, ValueError
@@ -184,8 +180,6 @@ class Finding:
 
     Attributes
     ----------
-    measure : Measure
-        The measure.
     rig, simulator : float
         Means over the specimens that have it.
     noise : float

@@ -71,43 +71,22 @@ class Sine(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """Plan of the experiment, in SI.
+    """Plan of the experiment, in SI."""
 
-    Attributes
-    ----------
-    start : float
-        Position from which the blade moves away from the clamp, and to which it returns [m].
-    speeds : tuple of float
-        Speeds of the steps, one after the other [m/s].
-    step_hold : tuple of float
-        Duration of each step, and of the rest after it [s].
-    sines : tuple of Sine
-        Sines, one after the other.
-    turn_speed, turn_travel : float
-        Speed of the slow reversals [m/s], and distance between two of them [m].
-    turns : int
-        Number of slow reversals.
-    rest : float
-        Duration of the sensor's recording at rest [s].
-    """
-
-    start: float
-    speeds: tuple[float, ...]
-    step_hold: tuple[float, ...]
+    start: float  # position from which the blade moves away from the clamp, and to which it returns [m]
+    speeds: tuple[float, ...]  # speeds of the steps, one after the other [m/s]
+    step_hold: tuple[float, ...]  # duration of each step, and of the rest after it [s]
     sines: tuple[Sine, ...]
-    turn_speed: float = 0.25e-3
+    turn_speed: float = 0.25e-3  # speed of the slow reversals [m/s], and distance between two of them [m]
     turn_travel: float = 0.6e-3
-    turns: int = 8
-    rest: float = 20.0
+    turns: int = 8  # number of slow reversals
+    rest: float = 20.0  # duration of the sensor's recording at rest [s]
 
     @classmethod
     def within(cls, settings: RigSettings, position: float) -> Plan:
         """Return the plan at the nearest start that travel allows.
 
-        Raises
-        ------
-        RigError
-            If the travel is too short.
+        Raises RigError if the travel is too short.
         """
         limits, axis = settings.limits, settings.blade
         top = min(limits.speed / MARGIN, axis.speed)
@@ -150,26 +129,14 @@ class Plan:
 _DIGITS = 2  # of a standard error, to which a value is rounded
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class IdentifiedValue:
-    """Estimate of one constant, under its name in :class:`~cutenv.rig.config.settings.Identified`; SI.
-
-    Attributes
-    ----------
-    name : str
-        Name of the constant.
-    value : float or None
-        Estimated value; None if it cannot be measured.
-    error : float or None
-        Standard error.
-    how : str
-        Method, or the reason why it cannot be measured.
-    """
+    """Estimate of one constant, under its name in :class:`~cutenv.rig.config.settings.Identified`; SI."""
 
     name: str
-    value: float | None
+    value: float | None  # estimated value; None if it cannot be measured
     error: float | None
-    how: str
+    how: str  # method, or the reason why it cannot be measured
 
     @property
     def rounded(self) -> float | None:
@@ -183,27 +150,13 @@ class IdentifiedValue:
 
 @dataclass(frozen=True, kw_only=True)
 class Identification:
-    """Result of one experiment.
-
-    Attributes
-    ----------
-    plan : Plan
-        Moves of the experiment.
-    estimates : tuple of Estimate
-        Estimates, in the order of the rig's file.
-    response : Response
-        Response of the axis.
-    checks : tuple of SineCheck
-        Comparisons with sines that were not used for the fit.
-    steps, sines : tuple of Stretch
-        Recorded steps and sines, for a figure.
-    """
+    """Result of one experiment."""
 
     plan: Plan
-    estimates: tuple[IdentifiedValue, ...]
+    estimates: tuple[IdentifiedValue, ...]  # estimates, in the order of the rig's file
     response: Response
-    checks: tuple[SineCheck, ...]
-    steps: tuple[Stretch, ...]
+    checks: tuple[SineCheck, ...]  # comparisons with sines that were not used for the fit
+    steps: tuple[Stretch, ...]  # recorded steps and sines, for a figure
     sines: tuple[Stretch, ...]
 
     def __getitem__(self, name: str) -> IdentifiedValue:
@@ -270,38 +223,22 @@ def _shown(key: FileKey, value: float | None) -> str:
     return f"{float(shown):.0f}" if "e+" in shown else shown
 
 
-APPROACH = 0.005
-"""Speed of the approach to where the experiment starts [m/s]."""
+APPROACH = 0.005  # speed of the approach to where the experiment starts [m/s]
 _TICKS = 20  # [ms] between commands, as between decisions
 _PAUSE = 0.4  # [s] of rest before each stretch
 _REST_TICKS = 100
 
 
 class Recorded(NamedTuple):
-    """Response of axis and sensor.
+    """Response of axis and sensor."""
 
-    Attributes
-    ----------
-    steps, sines : tuple of Stretch
-        Parts in the plan's order; for each speed there is a step away from the clamp and one back.
-    turns : Stretch
-        The slow reversals.
-    force : array of shape (n,)
-        Readings along the cut at rest [N].
-    rate : float
-        Rate of those readings [Hz].
-    axes : array of shape (n, 3)
-        The same readings of all three axes of the sensor [N]; empty if they were not kept.
-    """
-
-    steps: tuple[Stretch, ...]
+    steps: tuple[Stretch, ...]  # in the plan's order; for each speed one away from the clamp and one back
     sines: tuple[Stretch, ...]
     turns: Stretch
-    force: Array
-    rate: float
-    axes: Array = np.zeros((0, 3))
-    felt: tuple[Felt, ...] = ()
-    """Readings along the cut during each sine; empty if they were not kept."""
+    force: Array  # readings along the cut at rest [N], shape (n,)
+    rate: float  # rate of those readings [Hz]
+    axes: Array = np.zeros((0, 3))  # those of all three axes of the sensor [N], shape (n, 3); empty if not kept
+    felt: tuple[Felt, ...] = ()  # readings along the cut during each sine; empty if they were not kept
 
 
 LOST_TIME = (
@@ -320,25 +257,13 @@ def perform(
 ) -> Recorded:
     """Move the empty axis as planned, and record its response.
 
-    Parameters
-    ----------
-    plant : RigPlant
-        Opened, prepared and released, with the blade in air. It ends at rest where it started, and released.
-    plan : Plan
-        Planned moves.
-    tell : callable
-        Called with a message about the next part.
-    again : callable, optional
-        Called after a stop that a delay of this computer caused, to prepare and release the rig again. What was
-        measured before is kept, and the part that was stopped is measured again; at most ten times. Without it every
-        stop ends the experiment.
+    The rig is opened, prepared and released, with the blade in air. It ends at rest where it started, and released.
+    After a stop that a delay of this computer caused, ``again`` is called to prepare and release it again: what was
+    measured before is kept, and the part that was stopped is measured again; at most ten times. Without it every stop
+    ends the experiment.
 
-    Raises
-    ------
-    RigStopped
-        If the supervisor stops the blade for another reason, or too often.
-    RigError
-        If commands were reduced to a limit, so that the response is not to the plan.
+    Raises RigStopped if the supervisor stops the blade for another reason, or too often; RigError if commands were
+    reduced to a limit, so that the response is not to the plan.
     """
     sensor = plant.settings.sensor
     recorder = Recorder("xyz".index(sensor.cut_axis), sensor.sign)
@@ -480,10 +405,7 @@ def identification_from(settings: RigSettings, plan: Plan, recorded: Recorded) -
 
     Takes some seconds, so close the rig before.
 
-    Raises
-    ------
-    RigError
-        If the axis did not move, or too little was recorded.
+    Raises RigError if the axis did not move, or too little was recorded.
     """
     steps, sines, turns, force, rate, axes, felt = recorded
     axis = settings.blade
@@ -495,97 +417,75 @@ def identification_from(settings: RigSettings, plan: Plan, recorded: Recorded) -
     friction = coulomb_friction(
         steps, axis, lag=response.lag, acceleration=response.least_acceleration, dead_time=max(response.dead_time, 0.0)
     )
-    delay = (
-        force_delay(sines, felt, [sine.frequency for sine in plan.sines])
-        if felt
-        else Unseen("no readings of the force beside the sines")
-    )
-    late = _of_delay(delay, settings.sensor.sign)
-    estimates = (*_of_response(response), _of_play(play(turns, axis)), _of_friction(friction), *at_rest, late)
+    delay = Unseen("no readings of the force beside the sines")
+    late = force_delay(sines, felt, [sine.frequency for sine in plan.sines]) if felt else delay
+    of_axis = (*_of_response(response), _of_play(play(turns, axis)), _of_friction(friction))
+    estimates = (*of_axis, *at_rest, _of_delay(late, settings.sensor.sign))
     checks: tuple[SineCheck, ...] = tuple(
         check_sine(sine, planned.frequency, response) for sine, planned in zip(sines, plan.sines, strict=True)
     )
     return Identification(plan=plan, estimates=estimates, response=response, checks=checks, steps=steps, sines=sines)
 
 
+def _unseen(how: str, *names: str) -> list[IdentifiedValue]:
+    return [IdentifiedValue(name, None, None, how) for name in names]
+
+
 def _of_response(response: Response) -> list[IdentifiedValue]:
     fitted = f"least squares on {1e6 * response.misfit:.0f} um of misfit in the steps"
-    limit = IdentifiedValue(
-        name="acceleration",
-        value=response.acceleration,
-        error=None if response.acceleration is None else response.acceleration_error,
-        how=f"no step met a limit; above {response.least_acceleration:.2g} m/s2"
-        if response.acceleration is None
-        else "slope of the fast steps; " + fitted,
-    )
+    delayed = "delay of the answer to the steps; holds the way over the bus and back"
+    if response.acceleration is None:
+        limit = _unseen(f"no step met a limit; above {response.least_acceleration:.2g} m/s2", "acceleration")
+    else:
+        slope = f"slope of the fast steps; {fitted}"
+        limit = [IdentifiedValue("acceleration", response.acceleration, response.acceleration_error, slope)]
     return [
-        IdentifiedValue(name="motor_lag", value=response.lag, error=response.lag_error, how=fitted),
-        IdentifiedValue(
-            name="dead_time",
-            value=max(response.dead_time, 0.0),
-            error=response.dead_time_error,
-            how="delay of the answer to the steps; holds the way over the bus and back",
-        ),
-        limit,
+        IdentifiedValue("motor_lag", response.lag, response.lag_error, fitted),
+        IdentifiedValue("dead_time", max(response.dead_time, 0.0), response.dead_time_error, delayed),
+        *limit,
     ]
 
 
 def _of_play(found: Play | Unseen) -> IdentifiedValue:
     if isinstance(found, Unseen):
-        return IdentifiedValue(name="backlash", value=None, error=None, how=found.why)
-    how = (
-        f"way after slow reversals until torque rises by {found.carriage:.1f} N: play, and the screw's stretch by that"
-    )
-    return IdentifiedValue(name="backlash", value=found.backlash, error=found.error, how=how)
+        return _unseen(found.why, "backlash")[0]
+    rise = f"way after slow reversals until torque rises by {found.carriage:.1f} N"
+    return IdentifiedValue("backlash", found.backlash, found.error, f"{rise}: play, and the screw's stretch by that")
 
 
 def _of_friction(found: Friction | Unseen) -> IdentifiedValue:
     if isinstance(found, Unseen):
-        return IdentifiedValue(name="friction", value=None, error=None, how=found.why)
+        return _unseen(found.why, "friction")[0]
     how = f"torque at steady speeds both ways, of motor, screw and guide; {found.viscous:.0f} N s/m besides"
-    return IdentifiedValue(name="friction", value=found.coulomb, error=found.error, how=how)
+    return IdentifiedValue("friction", found.coulomb, found.error, how)
 
 
 def _of_delay(found: ForceDelay | Unseen, sign: int) -> IdentifiedValue:
     if isinstance(found, Unseen):
-        return IdentifiedValue(name="force_delay", value=None, error=None, how=found.why)
+        return _unseen(found.why, "force_delay")[0]
     if found.mass < 0.0:
-        how = f"the force has the wrong sign: write sensor.sign = {-sign}, and measure again"
-        return IdentifiedValue(name="force_delay", value=None, error=None, how=how)
+        wrong = f"the force has the wrong sign: write sensor.sign = {-sign}, and measure again"
+        return _unseen(wrong, "force_delay")[0]
     how = f"phase of the inertia of {1e3 * found.mass:.0f} g that the sensor carries, behind the position"
-    return IdentifiedValue(name="force_delay", value=max(found.delay, 0.0), error=found.error, how=how)
+    return IdentifiedValue("force_delay", max(found.delay, 0.0), found.error, how)
 
 
 def _of_axes(axes: Array, rate: float) -> list[IdentifiedValue]:
     names = ("force_still_x", "force_still_y", "force_still_z")
     if not len(axes):
-        return [IdentifiedValue(name=name, value=None, error=None, how="the axes were not recorded") for name in names]
+        return _unseen("the axes were not recorded", *names)
     how = "longest run of equal readings that noise allows, or three times the longest seen"
-    return [
-        IdentifiedValue(name=name, value=longest_still(axes[:, number], rate), error=None, how=how)
-        for number, name in enumerate(names)
-    ]
+    return [IdentifiedValue(name, longest_still(axes[:, k], rate), None, how) for k, name in enumerate(names)]
 
 
 def _of_sensor(force: Array, rate: float) -> list[IdentifiedValue]:
-    names = ("force_noise", "force_resolution", "force_drift")
     found = sensor_at_rest(force, rate)
     if found is None:
-        return [
-            IdentifiedValue(name=name, value=None, error=None, how="all readings at rest are equal") for name in names
-        ]
-    unseen = f"no walk of the zero is seen: below {found.drift_seen:.2g} N"
+        return _unseen("all readings at rest are equal", "force_noise", "force_resolution", "force_drift")
+    walk = "walk of the zero" if found.drift else f"no walk of the zero is seen: below {found.drift_seen:.2g} N"
+    drift = f"{walk}; likelihood of {1e3 * NOISE_BLOCK:g} ms means"
     return [
-        IdentifiedValue(
-            name="force_noise", value=found.noise, error=found.noise_error, how="readings at rest, before rounding"
-        ),
-        IdentifiedValue(
-            name="force_resolution", value=found.resolution, error=None, how="smallest step of the readings"
-        ),
-        IdentifiedValue(
-            name="force_drift",
-            value=found.drift,
-            error=found.drift_error,
-            how=f"{'walk of the zero' if found.drift else unseen}; likelihood of {1e3 * NOISE_BLOCK:g} ms means",
-        ),
+        IdentifiedValue("force_noise", found.noise, found.noise_error, "readings at rest, before rounding"),
+        IdentifiedValue("force_resolution", found.resolution, None, "smallest step of the readings"),
+        IdentifiedValue("force_drift", found.drift, found.drift_error, drift),
     ]

@@ -20,8 +20,7 @@ from cutenv.records.scoring import MAP_METRICS, METRICS, ScoreCard, score
 from cutenv.records.scoring.cut_metrics import metric_named
 from cutenv.sim.trace import PLACE, Trace
 
-FORCE_RESOLUTION = 0.05
-"""Resolution of the force sensor, worst case in the cutting plane [N]; thesis 3.1."""
+FORCE_RESOLUTION = 0.05  # resolution of the force sensor, worst case in the cutting plane [N]; thesis 3.1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -30,8 +29,6 @@ class ComparedCut:
 
     Attributes
     ----------
-    trace : Trace
-        Record of the cut.
     value : float
         Return: the sum of rewards, on both sides from the same estimates.
     success : bool
@@ -57,8 +54,7 @@ class ComparedCut:
         object.__setattr__(self, "card", score(self.trace))
 
 
-STEP = 1e-4
-"""Spacing of the positions at which forces are compared [m]."""
+STEP = 1e-4  # spacing of the positions at which forces are compared [m]
 _RETREAT = 1e-4  # [m] behind the furthest point: the flicker of an encoder is smaller
 _SHORTEST = 0.005  # [m], shortest common length that is compared
 _TIME_STEP = 0.005  # [s], interval of a rig's positions
@@ -94,17 +90,8 @@ def force_over_position(trace: Trace) -> tuple[Array, Array]:
 def force_difference(first: Trace, second: Trace, *, displaced: float = 0.0) -> Array | None:
     """Return the force difference at equal positions up to a retreat.
 
-    Parameters
-    ----------
-    first, second : Trace
-        Records with position.
-    displaced : float
-        Distance by which the second is shifted away from the clamp [m].
-
-    Returns
-    -------
-    ndarray of shape (n,) or None
-        Difference in the traces' unit, ``STEP`` apart; None if they have less than 5 mm in common.
+    It is in the traces' unit, ``STEP`` apart, the second shifted away from the clamp by ``displaced`` [m]; None if they
+    have less than 5 mm in common.
     """
     (at, force), (other_at, other) = force_over_position(first), force_over_position(second)
     if not len(at) or not len(other_at):
@@ -143,10 +130,7 @@ def position_rmse(first: Trace, second: Trace) -> float | None:
 def height_rmse(first: Trace, second: Trace) -> float | None:
     """Return the root mean square height difference at equal times [m].
 
-    Returns
-    -------
-    float or None
-        None if one has no height, or they have less than 0.1 s in common.
+    It is None if one has no height, or they have less than 0.1 s in common.
     """
     if first.height is None or second.height is None:
         return None
@@ -156,10 +140,7 @@ def height_rmse(first: Trace, second: Trace) -> float | None:
 def place_rmse(first: Trace, second: Trace) -> float | None:
     """Return the blades' root mean square distance at equal times [m].
 
-    Returns
-    -------
-    float or None
-        None if one has no places, or they have less than 0.1 s in common.
+    It is None if one has no places, or they have less than 0.1 s in common.
     """
     if first.blade_x is None or second.blade_x is None:
         return None
@@ -267,6 +248,17 @@ def _beside(
     return value
 
 
+def _compared(
+    name: str, unit: str, meaning: str, margin: float, value: Callable[[ComparedCut, ComparedCut], float | None]
+) -> Measure:
+    return Measure(name=name, unit=unit, meaning=meaning, least_margin=margin, paired=True, value=_beside(value))
+
+
+def _traces(compared: Callable[[Trace, Trace], float | None]) -> Callable[[ComparedCut, ComparedCut], float | None]:
+    return lambda cut, other: compared(cut.trace, other.trace)
+
+
+_OF_SPECIMEN = "from the simulator's cuts of the same specimen"
 _TASK = (
     Measure(
         name="return",
@@ -284,63 +276,30 @@ _TASK = (
         value=lambda cut, others: float(cut.success),
     ),
 )
+_END = "Share of the simulator's cuts of the same specimen with the same kind of end."
+_FORCE = "Difference of force at equal positions from the simulator's cuts of the specimen (up to a retreat)."
+_OFFSET = "Absolute mean of that difference: it shows a drifting zero, while runs of the crack cancel out."
+_PLACE = f"Difference of position at equal times {_OF_SPECIMEN}."
 _BESIDE = (
-    Measure(
-        name="end_agreement",
-        unit="1",
-        meaning="Share of the simulator's cuts of the same specimen with the same kind of end.",
-        least_margin=_COUNTED,
-        share=True,
-        paired=True,
-        value=_beside(lambda cut, other: float(cut.end == other.end)),
+    dataclasses.replace(
+        _compared("end_agreement", "1", _END, _COUNTED, lambda cut, other: float(cut.end == other.end)), share=True
     ),
-    Measure(
-        name="force_rmse",
-        unit="N",
-        meaning="Difference of force at equal positions from the simulator's cuts of the specimen (up to a retreat).",
-        least_margin=FORCE_RESOLUTION,
-        paired=True,
-        value=_beside(lambda cut, other: force_rmse(cut.trace, other.trace)),
+    dataclasses.replace(
+        _compared("force_rmse", "N", _FORCE, FORCE_RESOLUTION, _traces(force_rmse)),
         # One run of the crack that comes slightly later makes a difference of newtons for a while.
         harmless=lambda cut: force_rmse(cut.trace, cut.trace, displaced=_LENGTH),
     ),
-    Measure(
-        name="force_offset",
-        unit="N",
-        meaning="Absolute mean of that difference: it shows a drifting zero, while runs of the crack cancel out.",
-        least_margin=FORCE_RESOLUTION,
-        paired=True,
-        value=_beside(lambda cut, other: force_offset(cut.trace, other.trace)),
-    ),
-    Measure(
-        name="position_rmse",
-        unit="m",
-        meaning="Difference of position at equal times from the simulator's cuts of the same specimen.",
-        least_margin=_LENGTH,
-        paired=True,
-        value=_beside(lambda cut, other: position_rmse(cut.trace, other.trace)),
-    ),
+    _compared("force_offset", "N", _OFFSET, FORCE_RESOLUTION, _traces(force_offset)),
+    _compared("position_rmse", "m", _PLACE, _LENGTH, _traces(position_rmse)),
 )
 
 MEASURES: Mapping[str, Measure] = {each.name: each for each in (*_TASK, *_BESIDE, *map(_metric, METRICS))}
 """Everything that is compared, by name: task, curves, and every metric of a score card."""
+_HEIGHT = f"Difference of the blade's height at equal times {_OF_SPECIMEN}."
+_DISTANCE = f"Distance of the blade in the plane at equal times {_OF_SPECIMEN}."
 _APART = {
-    "depth": Measure(
-        name="height_rmse",
-        unit="m",
-        meaning="Difference of the blade's height at equal times from the simulator's cuts of the same specimen.",
-        least_margin=_LENGTH,
-        paired=True,
-        value=_beside(lambda cut, other: height_rmse(cut.trace, other.trace)),
-    ),
-    "path": Measure(
-        name="place_rmse",
-        unit="m",
-        meaning="Distance of the blade in the plane at equal times from the simulator's cuts of the same specimen.",
-        least_margin=_LENGTH,
-        paired=True,
-        value=_beside(lambda cut, other: place_rmse(cut.trace, other.trace)),
-    ),
+    "depth": _compared("height_rmse", "m", _HEIGHT, _LENGTH, _traces(height_rmse)),
+    "path": _compared("place_rmse", "m", _DISTANCE, _LENGTH, _traces(place_rmse)),
 }
 MAP_MEASURES: Mapping[str, Mapping[str, Measure]] = {
     task: {_APART[task].name: _APART[task]}

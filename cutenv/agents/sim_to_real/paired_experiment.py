@@ -31,10 +31,8 @@ from cutenv.sim.tissue.description import measured_liver
 from cutenv.sim.tissue.specimen import Specimen
 from cutenv.task.reward import STOPPED
 
-DRAWS = 5
-"""Number of simulated cuts of each specimen, which differ only by the noise of the force sensor."""
-_OUR_HEARTBEAT = "0x8130"
-"""Emergency of a drive that has missed this computer's heartbeat."""
+DRAWS = 5  # number of simulated cuts of each specimen, which differ only by the noise of the force sensor
+_OUR_HEARTBEAT = "0x8130"  # Emergency of a drive that has missed this computer's heartbeat
 _ATTEMPTS = 5  # for one specimen
 _NOISE_KEY = 1_000_003  # added to a seed for every further draw of noise
 ProgressCallback = Callable[[str, int], None]
@@ -42,29 +40,14 @@ ProgressCallback = Callable[[str, int], None]
 
 @dataclass(kw_only=True)
 class PairedCuts:
-    """Cuts of a comparison.
+    """Cuts of a comparison."""
 
-    Attributes
-    ----------
-    simulator : list of list of ComparedCut
-        Several cuts of each specimen.
-    rig : list of ComparedCut
-        One cut of each specimen.
-    paired : bool
-        True if both cut the same specimens.
-    twins : bool
-        True if the simulator's are twins of the rig's; both sides then hold the part of each cut that was held out.
-    clock : ClockKept
-        Timing of the rig's control clock.
-    between : list of str
-        Notes on cuts that were repeated, and the reason if the rig ended early.
-    """
-
-    simulator: list[list[ComparedCut]]
-    rig: list[ComparedCut]
-    paired: bool
-    clock: ClockKept
-    between: list[str]
+    simulator: list[list[ComparedCut]]  # several cuts of each specimen
+    rig: list[ComparedCut]  # one cut of each specimen
+    paired: bool  # True if both cut the same specimens
+    clock: ClockKept  # timing of the rig's control clock
+    between: list[str]  # notes on cuts that were repeated, and the reason if the rig ended early
+    # True if the simulator's are twins of the rig's; both sides then hold the part of each cut that was held out
     twins: bool = False
 
     @property
@@ -77,12 +60,7 @@ class PairedCuts:
 def simulator_like(rig: RigCutEnv, **arguments: Any) -> GentleCutEnv:
     """Make the simulator's environment with a rig's constants and estimates.
 
-    Parameters
-    ----------
-    rig : RigCutEnv
-        Environment of the rig to compare with.
-    **arguments
-        Keywords of :class:`~cutenv.envs.gentle_cut.GentleCutEnv`, which override those of the rig.
+    Further keywords of :class:`~cutenv.envs.gentle_cut.GentleCutEnv` override those of the rig.
     """
     fixed = rig.fixed_angle is not None
     control = rig.settings.position_control
@@ -108,29 +86,13 @@ def cut_once(
 ) -> ComparedCut:
     """Cut one specimen.
 
-    Parameters
-    ----------
-    env : GentleCutEnv or RigCutEnv
-        Environment to cut in.
-    policy : Policy
-        Policy that decides; its random numbers depend on seed and episode alone.
-    seed, episode : int
-        Key of the specimen.
-    noise : int
-        Number of the draw of the simulated sensor's noise; no effect on a rig.
-    specimen : Specimen, optional
-        What is cut, by default what is drawn.
-    target_length : float, optional
-        Length of the cut [m]; by default as the environment has it.
-    depth : ndarray of shape (301,), optional
-        Depth of a ``specimen`` as it is known in the simulator [m]; by default as it is.
+    The policy's random numbers depend on seed and episode alone, the key of the specimen unless ``specimen`` is what is
+    cut.  ``noise`` is the number of the draw of the simulated sensor's; ``target_length`` [m] is by default as the
+    environment has it; ``depth``, (301,), is that of a ``specimen`` as it is known in the simulator [m], by default as
+    it is.
 
-    Raises
-    ------
-    ValueError
-        If the policy needs hidden state.
-    RigError
-        If a check of the rig fails, its operator does not agree, or it was stopped before the blade had moved.
+    Raises ValueError if the policy needs hidden state; RigError if a check of the rig fails, its operator does not
+    agree, or it was stopped before the blade had moved.
     """
     if isinstance(policy, PrivilegedPolicy):
         raise ValueError("this policy needs the hidden state, which no rig knows; choose another.")
@@ -197,25 +159,9 @@ def cut_twins(
 ) -> tuple[list[ComparedCut], list[list[ComparedCut]], list[str]]:
     """Let a policy cut twins of rig specimens, keeping the held-out parts.
 
-    Parameters
-    ----------
-    env : GentleCutEnv
-        The simulator.
-    policy : Policy
-        Policy that has cut on the rig.
-    rig : sequence of ComparedCut
-        Its cuts.
-    seed : int
-        Seed of what the twins do not know: the tissue beyond the fitted part, and the sensor's noise.
-    draws : int
-        Number of simulated cuts of each twin, each with another draw of both.
-    progress : callable, optional
-        Called with "simulator" and the number of twins that it has cut.
-
-    Returns
-    -------
-    tuple of list of ComparedCut, list of list of ComparedCut, list of str
-        Held-out parts of the rig's cuts, those of the simulator's, and notes on cuts that are too short for a twin.
+    ``seed`` is that of what the twins do not know, the tissue beyond the fitted part and the sensor's noise; each twin
+    is cut ``draws`` times, with another draw of both.  Return the held-out parts of the rig's cuts, those of the
+    simulator's, and notes on cuts that are too short for a twin.
     """
     tissue = env.tissue.tissue or measured_liver()
     kept, simulated, notes = [], [], []
@@ -251,20 +197,12 @@ def cut_on_rig(
     specimen: Specimen | None = None,
     progress: ProgressCallback | None = None,
 ) -> tuple[list[ComparedCut], ClockKept, list[str]]:
-    """Cut every specimen once.
+    """Cut every specimen once; again as :func:`cut_again` does.
 
-    Again, up to four times, if the rig was stopped by a delay of the computer.
+    Return cuts, the timing of the control clock over all of them, and notes on cuts that were repeated and on the
+    reason if the rig ended early: the cuts until then are still useful.
 
-    Returns
-    -------
-    tuple of list of ComparedCut, ClockKept, list of str
-        Cuts, the timing of the control clock over all of them, and notes on cuts that were repeated and on the reason
-        if the rig ended early: the cuts until then are still useful.
-
-    Raises
-    ------
-    RigError
-        If the rig cannot be created.
+    Raises RigError if the rig cannot be created.
     """
     cuts: list[ComparedCut] = []
     parts: list[tuple[list[float], list[float], int, float, int]] = []
@@ -284,21 +222,10 @@ def cut_on_rig(
 def cut_again(
     env: RigCutEnv, policy: Policy, between: list[str], *, seed: int, episode: int, **given: Any
 ) -> ComparedCut | None:
-    """Cut one specimen.
+    """Cut one specimen as :func:`cut_once` does.
 
-    Again, up to four times, if the rig was stopped by a delay of the computer.
-
-    Parameters
-    ----------
-    env, policy, seed, episode, **laid
-        As for :func:`cut_once`.
-    between : list of str
-        Notes, to which those on this cut are added.
-
-    Returns
-    -------
-    ComparedCut or None
-        The cut; None if the rig cannot go on, and the last note says why.
+    Again, up to four times, if the rig was stopped by a delay of the computer; notes on that are added to ``between``.
+    Return None if the rig cannot go on, and the last note says why.
     """
     lost = False
     for _ in range(_ATTEMPTS):
@@ -312,20 +239,17 @@ def cut_again(
             if not _time_was_lost(env):
                 env.close()  # drives that were left in mid-motion are connected again
             continue
-        if cut.end == STOPPED and _time_was_lost(env):
-            lost = True
-            between.append(f"specimen {episode + 1} was cut again: {env.session.plant.supervisor.report}")
-            continue
-        if cut.end == STOPPED and _stopped_by(env) in ENDS_SESSION:
-            between.append(f"specimen {episode + 1}: {env.session.plant.supervisor.report}")
-            return None
+        if cut.end == STOPPED:
+            report = env.session.plant.supervisor.report
+            if _time_was_lost(env):
+                lost = True
+                between.append(f"specimen {episode + 1} was cut again: {report}")
+                continue
+            if report is not None and report.cause in ENDS_SESSION:
+                between.append(f"specimen {episode + 1}: {report}")
+                return None
         return cut
     return None
-
-
-def _stopped_by(env: RigCutEnv) -> Cause | None:
-    report = env.session.plant.supervisor.report
-    return None if report is None else report.cause
 
 
 def _time_was_lost(env: RigCutEnv) -> bool:
@@ -351,25 +275,11 @@ def paired_experiment(
 ) -> PairedCuts:
     """Let a policy cut equal specimens in simulator and on rig.
 
-    Specimens that nobody has drawn are made equal by their twins, which are fitted to the first half of each record;
-    the second halves are compared. Tasks with a third axis have no twins: then the two sides are two samples.
-
-    Parameters
-    ----------
-    rig, simulator : RigCutEnv, GentleCutEnv
-        Environments; see :func:`simulator_like`.
-    policy : Policy
-        Policy that decides.
-    seed, specimens : int
-        Specimens are the episodes 0, 1, ... of the seed.
-    draws : int
-        Number of simulated cuts of each specimen, 2 to 100.
-    specimen : Specimen, optional
-        The one that every cut is made in, where its tissue is known, such as blocks from one mould.
-    unknown : bool, optional
-        True to treat an emulated or fake rig's specimens as those of a lab; by default as the rig is.
-    progress : callable, optional
-        Called with the side and the number of specimens that it has cut.
+    They are the episodes 0, 1, ... of the seed, or all the same ``specimen``, where its tissue is known, such as blocks
+    from one mould; the simulator cuts each ``draws`` times, 2 to 100. Specimens that nobody has drawn are made equal by
+    their twins, which are fitted to the first half of each record; the second halves are compared. Tasks with a third
+    axis have no twins: then the two sides are two samples. ``unknown`` treats an emulated or fake rig's specimens as
+    those of a lab.
     """
     in_range("specimens", specimens, FEWEST_SPECIMENS, 10_000, "1", "A dozen is a beginning.")
     in_range("draws", draws, 2, 100, "1", "Noise needs two simulated cuts or more.")

@@ -47,25 +47,15 @@ from cutenv.sim.tissue.specimen import Specimen
 from cutenv.sim.trace import Trace
 from cutenv.task.reward import STOPPED
 
-OPENING_SPEED = 0.0127
-"""Speed of the opening [m/s]: half of the fastest measured."""
+OPENING_SPEED = 0.0127  # speed of the opening [m/s]: half of the fastest measured
 _SHORTEST, _LONGEST = 0.020, 0.050
 """Range of its length [m]: below, little is told of the tissue; above, little is left to the policy."""
 
 
 class OpenedPolicy(ArrayPolicy):
-    """A policy that takes over from a constant feed.
+    """A policy that takes over from a constant feed, and looks on until then.
 
-    It does so at a position of the blade; until then it looks on.
-
-    Parameters
-    ----------
-    policy : Policy
-        The policy.
-    length : float
-        Position of the blade at which it takes over [m].
-    angle : float
-        Angle of the blade in the opening [rad].
+    It does so where the blade is at ``length`` [m]; the opening's angle is in radians.
     """
 
     def __init__(self, policy: Policy, length: float, angle: float) -> None:
@@ -94,10 +84,7 @@ class OpenedPolicy(ArrayPolicy):
 def opening_of(trace: Trace, length: float) -> Trace:
     """Return the record before the blade first reaches ``length`` [m].
 
-    Raises
-    ------
-    ValueError
-        If it never comes there: the cut ended in its opening.
+    Raises ValueError if it never comes there: the cut ended in its opening.
     """
     (position,) = trace.require("position", by="opening_of")
     if not bool((position >= length).any()):
@@ -110,23 +97,10 @@ def specimens_like(
 ) -> list[Specimen]:
     """Return specimens like an opening's twin, with varied tissue beyond.
 
-    Parameters
-    ----------
-    env : GentleCutEnv
-        The simulator.
-    opening : Trace
-        Record of the opening.
-    depth : ndarray of shape (301,)
-        Depth of the specimen along the cut, as measured beforehand [m].
-    seed, episode : int
-        Key of what the twin does not know.
-    draws : int
-        Number of specimens.
+    ``depth``, (301,), is that along the cut, as measured beforehand [m]; seed and episode are the key of what the twin
+    does not know.
 
-    Raises
-    ------
-    ValueError
-        If the opening is too short for a twin.
+    Raises ValueError if the opening is too short for a twin.
     """
     sensor = env.constants.sensor
     twin = fit_twin(
@@ -147,29 +121,10 @@ def forecast(
     episode: int,
     value: Callable[[ComparedCut], Array],
 ) -> Array:
-    """Return policies' mean results in specimens with varied noise.
+    """Return policies' mean results, (policies, n), with varied noise.
 
-    Parameters
-    ----------
-    env : GentleCutEnv
-        The simulator.
-    policies : sequence of Policy
-        Policies, with the opening.
-    specimens : sequence of Specimen
-        Specimens, by :func:`specimens_like`.
-    depth : ndarray of shape (301,)
-        Depth of the specimen along the cut, as measured beforehand [m].
-    target_length : float
-        Length of the cut [m].
-    seed, episode : int
-        Key of the noise.
-    value : callable
-        Outcomes of a cut, shape (n,).
-
-    Returns
-    -------
-    ndarray of shape (policies, n)
-        Mean outcomes.
+    The policies have the opening, the specimens are by :func:`specimens_like`, with lengths in metres; seed and episode
+    are the key of the noise; ``value`` gives the outcomes of a cut, (n,).
     """
     key: dict[str, Any] = {"seed": seed, "episode": episode, "target_length": target_length, "depth": depth}
 
@@ -183,27 +138,17 @@ def forecast(
     return np.array([mean(policy) for policy in policies])
 
 
-OUTCOMES = ("return", "success")
-"""Outcomes of a cut, in the order of arrays."""
+OUTCOMES = ("return", "success")  # outcomes of a cut, in the order of arrays
 _CUTS, _STUDY = "cuts.jsonl", "study.json"
 
 
 class KeptCuts:
     """Cuts of a comparison in a folder.
 
-    A line of JSON for each, on the disk before the next begins.
+    A line of JSON for each, on the disk before the next begins.  ``study`` is what was asked, as JSON has it; who comes
+    back to a folder must ask the same.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder that exists.
-    study : mapping of str to object
-        What was asked, as JSON has it; who comes back to a folder must ask the same.
-
-    Raises
-    ------
-    ValueError
-        If the folder is that of another comparison; the message names what differs.
+    Raises ValueError if the folder is that of another comparison; the message names what differs.
     """
 
     def __init__(self, folder: Path, study: Mapping[str, Any]) -> None:
@@ -221,8 +166,7 @@ class KeptCuts:
         else:
             with atomic_write(kept) as part:
                 part.write_text(json.dumps(study, indent=1) + "\n", encoding="utf-8")
-        self.cuts: list[dict[str, Any]] = []
-        """Cuts, and lines that tell of missing ones."""
+        self.cuts: list[dict[str, Any]] = []  # cuts, and lines that tell of missing ones
         if self._path.is_file():
             whole = self._path.read_bytes()
             end = whole.rfind(b"\n") + 1  # what follows was being written when the power failed
@@ -261,39 +205,18 @@ class KeptCuts:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RigComparison:
-    """Comparison of two policies on a rig until decided.
+    """Comparison of two policies on a rig until decided."""
 
-    Attributes
-    ----------
-    rig, simulator : RigCutEnv, GentleCutEnv
-        Environments; see :func:`cutenv.agents.sim_to_real.paired_experiment.simulator_like`.
-    policies : tuple of Policy
-        The first and the second.
-    names : tuple of str
-        Their names.
-    question : SequentialQuestion
-        What is asked of the difference of returns, each clipped between 0 and 1.
-    seed : int
-        Seed of specimens, lengths and the order of the policies.
-    apart : bool
-        Whether the two cuts of a pair are made side by side, in two places; else in the same drawn specimen.
-    opening : float or None
-        Length of the measured opening [m]; None: there is none.
-    draws : int
-        Simulated cuts of each twin by each policy.
-    """
-
-    rig: RigCutEnv
+    rig: RigCutEnv  # environments; see :func:`cutenv.agents.sim_to_real.paired_experiment.simulator_like`
     simulator: GentleCutEnv
-    policies: tuple[Policy, Policy]
+    policies: tuple[Policy, Policy]  # the first and the second
     names: tuple[str, str]
-    question: SequentialQuestion
-    seed: int = 0
-    apart: bool = False
-    opening: float | None = None
-    draws: int = DRAWS
-    between: list[str] = field(default_factory=list)
-    """Notes on cuts that were repeated."""
+    question: SequentialQuestion  # what is asked of the difference of returns, each clipped between 0 and 1
+    seed: int = 0  # seed of specimens, lengths and the order of the policies
+    apart: bool = False  # whether a pair's cuts are side by side, in two places; else in the same drawn specimen
+    opening: float | None = None  # length of the measured opening [m]; None: there is none
+    draws: int = DRAWS  # simulated cuts of each twin by each policy
+    between: list[str] = field(default_factory=list)  # notes on cuts that were repeated
 
     def __post_init__(self) -> None:
         if self.opening is not None:
@@ -330,10 +253,7 @@ class RigComparison:
 
         Goes on where the kept cuts end.
 
-        Raises
-        ------
-        RigError
-            If the rig cannot go on; every cut so far is kept.
+        Raises RigError if the rig cannot go on; every cut so far is kept.
         """
         pair = 0
         while len(whole := kept.whole()) < self.question.most:
@@ -460,10 +380,7 @@ class RigComparison:
 def two_names(names: Sequence[str]) -> tuple[str, str]:
     """Return the names of two policies.
 
-    Raises
-    ------
-    ValueError
-        If there are not two, or they are the same.
+    Raises ValueError if there are not two, or they are the same.
     """
     if len(names) != 2 or names[0] == names[1]:
         given = ", ".join(map(repr, names)) or "none"

@@ -31,8 +31,7 @@ from cutenv.sim.tissue.grid import LENGTH, N_POINTS, SPACING, lognormal_sigma
 from cutenv.sim.tissue.specimen import Specimen
 from cutenv.sim.trace import Trace
 
-SHARE = 0.5
-"""Share of the blade's way that a twin is fitted to; the rest is held out."""
+SHARE = 0.5  # share of the blade's way that a twin is fitted to; the rest is held out
 _MODES = 4  # of a field, within the fitted part: 99 % of its variance over two correlation lengths
 _WINDOW = 5e-3  # [m] in which mean and spread of the force are taken: some runs of the crack
 _FEWEST = 20  # readings of a window
@@ -46,61 +45,36 @@ _INCLINED = math.radians(85.0)  # angle below which the ratio of the inclined cu
 
 @dataclass(frozen=True, eq=False)
 class SpecimenTwin:
-    """Tissue of a specimen as its record tells.
+    """Tissue of a specimen as its record tells."""
 
-    Attributes
-    ----------
-    specimen : Specimen
-        The most likely specimen.
-    until : float
-        Position of the blade up to which the record was used [m].
-    misfit : float
-        Root mean square difference of the force's mean and spread from the record's, in windows up to there [N].
-    numbers : ndarray of shape (4 + 2 * modes,)
-        What was fitted, in standard deviations of the tissue's spread.
-    spread : ndarray of shape (4 + 2 * modes, n)
-        Root of the covariance of these numbers, as far as the record leaves them open.
-    """
-
-    specimen: Specimen
-    until: float
-    misfit: float
-    numbers: Array
-    spread: Array
+    specimen: Specimen  # the most likely specimen
+    until: float  # position of the blade up to which the record was used [m]
+    misfit: float  # RMS difference of the force's mean and spread from the record's, in windows up to there [N]
+    numbers: Array  # what was fitted, in standard deviations of the tissue's spread, shape (4 + 2 * modes,)
+    spread: Array  # root of their covariance, as far as the record leaves it open, shape (4 + 2 * modes, n)
 
     def drawn(self, rng: np.random.Generator, measured: Array | None = None) -> Specimen:
         """Return a specimen that agrees with the record, the rest drawn.
 
-        Parameters
-        ----------
-        rng : numpy.random.Generator
-            Source of what is drawn.
-        measured : ndarray of shape (301,), optional
-            Depth of the specimen as it could have been measured [m]: beyond the fitted part it is taken for the true
-            one, whose difference from what was measured the record does not tell.
+        Its depth as it could have been ``measured`` [m], (301,), is beyond the fitted part taken for the true one,
+        whose difference from what was measured the record does not tell.
         """
-        fields = _fields(self.specimen.tissue.correlation_length, round(self.until / SPACING))
-        further = [fields.beyond @ rng.standard_normal(fields.beyond.shape[1]) for _ in range(2)]
+        modes, beyond = _fields(self.specimen.tissue.correlation_length, round(self.until / SPACING))
+        further = [beyond @ rng.standard_normal(beyond.shape[1]) for _ in range(2)]
         numbers = self.numbers + self.spread @ rng.standard_normal(self.spread.shape[1])
         depth = self.specimen.depth
         if measured is not None:
             ahead = np.maximum(np.arange(N_POINTS) * SPACING - self.until, 0.0)
             depth = depth + (1.0 - np.exp(-ahead / _FADES)) * (measured - depth)
-        return _specimen(numbers, fields.modes, self.specimen.tissue, depth, further)
-
-
-@dataclass(frozen=True, eq=False)
-class _Fields:
-    """Unit Gaussian field, split at the fitted part's end."""
-
-    modes: Array
-    """Modes that the fitted part tells of, shape (301, modes)."""
-    beyond: Array
-    """Root of the covariance that is left, shape (301, n)."""
+        return _specimen(numbers, modes, self.specimen.tissue, depth, further)
 
 
 @lru_cache(maxsize=64)
-def _fields(correlation_length: float, points: int) -> _Fields:
+def _fields(correlation_length: float, points: int) -> tuple[Array, Array]:
+    """Return a unit Gaussian field's modes that the fitted part tells of, and the root of the covariance left.
+
+    Their shapes are (301, modes) and (301, n).
+    """
     at = np.arange(N_POINTS) * SPACING
     covariance = np.exp(-0.5 * ((at[:, None] - at[None, :]) / correlation_length) ** 2)
     told = slice(0, max(points, 2))
@@ -109,7 +83,7 @@ def _fields(correlation_length: float, points: int) -> _Fields:
     modes = covariance[:, told] @ vectors[:, kept] / np.sqrt(values[kept])
     left, roots = np.linalg.eigh(covariance - modes @ modes.T)
     clear = left > 1e-6
-    return _Fields(modes, roots[:, clear] * np.sqrt(left[clear]))
+    return modes, roots[:, clear] * np.sqrt(left[clear])
 
 
 def _specimen(
@@ -144,30 +118,12 @@ def fit_twin(
 ) -> SpecimenTwin:
     """Fit a specimen to the first half, or ``share``, of a record.
 
-    The blade is led along the recorded positions and angles, without drive and sensor; modulus, fracture resistance
-    and friction are those that give the recorded force best, weighed against the spread of the tissue.
+    The blade is led along the recorded positions and angles, without drive and sensor; modulus, fracture resistance and
+    friction are those that give the recorded force best, weighed against the spread of the tissue.  The record begins
+    at the clamp, with force in newtons, position, angle and depth; the force is behind the position by ``force_delay``
+    [s].
 
-    Parameters
-    ----------
-    trace : Trace
-        Record that begins at the clamp, with force in newtons, position, angle and depth.
-    tissue : TissueDescription
-        Kind of tissue.
-    law : LawParameters, optional
-        Constants of the cutting law.
-    force_delay : float
-        Delay of the force behind the position [s].
-    share : float
-        Share of the way that is fitted, above 0 and up to 1.
-
-    Returns
-    -------
-    SpecimenTwin
-
-    Raises
-    ------
-    ValueError
-        If the record lacks a field, or the blade goes less than 15 mm.
+    Raises ValueError if the record lacks a field, or the blade goes less than 15 mm.
     """
     tape = ReplayPlant(trace)
     readings, depth = tape.readings, np.clip(tape.depth, 1e-4, LENGTH)
@@ -196,7 +152,7 @@ def fit_twin(
             found.append(np.concatenate((mean, np.sqrt(variance)))[np.tile(count >= _FEWEST, 2)])
         return np.concatenate(found)
 
-    told, modes = binned(force), _fields(tissue.correlation_length, round(until / SPACING)).modes
+    told, (modes, _) = binned(force), _fields(tissue.correlation_length, round(until / SPACING))
     upright = float(np.median(angle)) > _INCLINED
 
     def off(numbers: Array) -> Array:

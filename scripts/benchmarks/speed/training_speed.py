@@ -29,7 +29,7 @@ import torch
 from stable_baselines3 import PPO
 
 from cutenv.agents.learning.arguments import PPOArguments
-from cutenv.agents.learning.ppo import LEARNER
+from cutenv.agents.learning.on_policy import ON_POLICY
 from cutenv.agents.policy import shipped
 from cutenv.agents.sb3 import NativeVecEnv
 from cutenv.envs import set_cores
@@ -46,7 +46,7 @@ _NEXT_TO_NOTHING = 1e-9  # learning rate
 def speed(arguments: PPOArguments, updates: int) -> dict[str, float]:
     """Train for ``updates`` updates after the first one, which compiles and resets every environment."""
     torch.set_num_threads(1)  # as in training: two thread pools on two cores compete
-    model = LEARNER.new_model(arguments, arguments.training_environments())
+    model = ON_POLICY["ppo"].new_model(arguments, arguments.training_environments())
     rollout = arguments.environments * arguments.rollout
     give_skill(model, arguments.last_exploration)
     model.learn(rollout)

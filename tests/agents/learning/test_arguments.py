@@ -73,10 +73,12 @@ def test_what_is_given_as_it_was_may_be_given(interrupted):
     assert parsed("--resume", "runs/mine", "--gamma", "0.99")[0] == interrupted
 
 
-@pytest.mark.parametrize("kind", [BCArguments, IQLArguments, RecurrentPPOArguments, SACArguments])
-def test_a_run_of_another_program_is_not_gone_on_with(interrupted, kind):
-    with pytest.raises(BadArguments, match="runs/mine was made by another learner"):
-        parsed("--resume", "runs/mine", kind=kind)
+def test_a_run_of_another_program_or_made_quick_is_not_gone_on_with(interrupted):
+    for kind in (BCArguments, IQLArguments, RecurrentPPOArguments, SACArguments):
+        with pytest.raises(BadArguments, match="runs/mine was made by another learner"):
+            parsed("--resume", "runs/mine", kind=kind)
+    with pytest.raises(BadArguments, match="--quick is for a new run"):
+        parsed("--resume", "runs/mine", "--quick")
 
 
 def test_an_angle_of_ones_own_is_trained_for_and_told():
@@ -87,11 +89,6 @@ def test_an_angle_of_ones_own_is_trained_for_and_told():
         parsed("--fixed-angle-deg", "75")
     with pytest.raises(BadArguments, match=r"outside 45\.0 to 90\.0"):
         parsed("--angle-mode", "fixed", "--fixed-angle-deg", "30")
-
-
-def test_a_run_that_goes_on_is_not_made_quick(interrupted):
-    with pytest.raises(BadArguments, match="--quick is for a new run"):
-        parsed("--resume", "runs/mine", "--quick")
 
 
 @pytest.mark.parametrize("suffix", ["zip", "safetensors"])
@@ -141,18 +138,14 @@ def test_the_least_of_every_number_is_taken():
         assert {name: getattr(taken, name) for name in least} == least
 
 
-@pytest.mark.parametrize("task", ["depth", "path"])
-def test_quick_is_quick_on_every_task(task):
-    arguments, _, _ = parsed("--quick", "--task", task)
-    quick = {**PPOArguments.quick, "demonstrations": 0}  # they correct a script
-    assert {name: getattr(arguments, name) for name in quick} == quick
-    assert arguments.exploration == TASKS[task].options["exploration"]
-
-
-def test_quick_sets_what_is_not_given():
+def test_quick_sets_what_is_not_given_on_every_task():
     arguments, _, _ = parsed("--quick", "--specimens", "7")
-    assert arguments.specimens == 7
     assert {name: getattr(arguments, name) for name in PPOArguments.quick} == {**PPOArguments.quick, "specimens": 7}
+    quick = {**PPOArguments.quick, "demonstrations": 0}  # the others correct a script
+    for task in ("depth", "path"):
+        arguments, _, _ = parsed("--quick", "--task", task)
+        assert {name: getattr(arguments, name) for name in quick} == quick
+        assert arguments.exploration == TASKS[task].options["exploration"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -169,20 +162,12 @@ def parsed_line(*given: str) -> Arguments:
     return parse(Arguments, "About it.", given)
 
 
-def test_without_options_the_defaults_hold():
-    assert parsed_line() == Arguments()
-
-
-def test_without_a_command_line_that_of_the_process_is_read(monkeypatch):
-    monkeypatch.setattr("sys.argv", ["program", "--cuts", "7"])
-    assert parse(Arguments, None).cuts == 7
-
-
 def test_options_arrive_with_their_kinds():
     given = ["--name", "7", "--cuts", "7", "--noise-mm", "7", "--tissue", "uniform", "--files", "a", "b", "--quiet"]
     expected = Arguments(name="7", cuts=7, noise_mm=7.0, tissue="uniform", files=("a", "b"), quiet=True)
     assert parsed_line(*given) == expected
     assert isinstance(parsed_line(*given).noise_mm, float)
+    assert parsed_line() == Arguments()
 
 
 @pytest.mark.parametrize("given", [("--cuts", "x"), ("--tissue", "bone"), ("--cust", "3")])

@@ -40,7 +40,7 @@ from cutenv.sim.tissue.description import TissueDescription
 from scripts.benchmarks.leaderboard import runs as program
 from scripts.benchmarks.leaderboard.aggregate import Line, disagreements, read_summary, verdict
 from scripts.benchmarks.leaderboard.kept_cuts import file_of, read_run, read_runs, write_run
-from scripts.benchmarks.leaderboard.protocol import BEST_FEED, ENTRIES, SCRIPTED, keep_protocol, kept_protocol, slug
+from scripts.benchmarks.leaderboard.protocol import ENTRIES, keep_protocol, kept_protocol, slug
 from scripts.benchmarks.leaderboard.robustness import settings
 from scripts.benchmarks.leaderboard.runs import Benchmark, Part, differs
 from scripts.benchmarks.leaderboard.table import (
@@ -280,25 +280,6 @@ def renamed(folder: Path, name: str, seed: int, **facts) -> None:
     write_run(folder, {**run.facts, "contestant": name, **facts}, run.by_class, "mixed")
 
 
-def test_agents_that_cut_equally_are_one_row_without_a_rank(compared, tmp_path):
-    publish(compared, tmp_path)
-    for name in ("SAC", "TQC"):
-        for seed in range(2):
-            renamed(tmp_path, name, seed)
-    file_of(tmp_path, "PPO", 0).unlink()  # else it is equal as well
-    summarise_cuts(tmp_path, TINY)
-    (row,) = (row for row in read_table(tmp_path).main()[1] if "SAC" in row[1])
-    assert row[:3] == ["–", "SAC, TQC", "with demonstrations; no better than its start"]
-    text = markdown(tmp_path)
-    assert "- SAC, TQC against return stroke: no better than its start, which does not beat it" in text
-    assert "An agent whose validation threw all of its training by trial away" in text
-    write_leaderboard(tmp_path / "page.html", tmp_path)
-    assert "SAC, TQC" in (tmp_path / "page.html").read_text()
-    file_of(tmp_path, "TQC", 1).unlink()
-    summarise_cuts(tmp_path, TINY)
-    assert {row[1]: row[0] for row in read_table(tmp_path).main()[1]}["SAC"] != "–"  # one seed is not all
-
-
 @pytest.mark.parametrize(("kept", "as_begun"), [((True, True), True), ((True, False), False)])
 def test_an_agent_that_kept_its_start_with_every_seed_has_no_rank(compared, tmp_path, kept, as_begun):
     publish(compared, tmp_path)
@@ -370,29 +351,6 @@ def test_a_training_that_fails_says_where_to_look(tmp_path, monkeypatch):
         list(benchmark.train())
 
 
-def test_a_quick_comparison_is_planned_within_two_hours_on_two_cores(tmp_path, capsys):
-    assert Benchmark(tmp_path, QUICK, (), processes=2).plan() < 7200.0
-    assert "together" in capsys.readouterr().out
-
-
-def test_fewer_training_runs_may_be_made_at_a_time(tmp_path):
-    parts = Benchmark(tmp_path, Protocol(), ("PPO", "return stroke"), processes=1, seeds=3).parts()
-    assert [part.seed for part in parts] == [0, 1, 2, None]
-
-
-def test_everything_that_is_asked_for_takes_part():
-    assert Protocol().specimens == 1000
-    seeds = {name: len(entry.training_seeds(Protocol())) for name, entry in ENTRIES.items()}
-    assert seeds.pop("PPO") == 10
-    assert set(seeds.values()) == {5}
-    assert {"recurrent PPO", "behaviour cloning"} <= seeds.keys()
-    assert {BEST_FEED, "return stroke", "probe and creep", "planner (nominal)", "planner with truth"} <= set(SCRIPTED)
-    assert {entry.change for entry in ENTRIES.values()} - {""} == {
-        "the blade stays upright", "the force is not felt", "the critic does not see the truth",
-        "drive, sensor and error of depth are drawn at random",
-    }  # fmt: skip
-
-
 def test_seeds_of_training_runs_validation_and_test_are_disjoint():
     of_runs = [set(PPOArguments(seed=seed).training_seeds) for seed in ENTRIES["PPO"].training_seeds(Protocol())]
     assert len(set.union(*of_runs)) == sum(map(len, of_runs))
@@ -401,10 +359,6 @@ def test_seeds_of_training_runs_validation_and_test_are_disjoint():
     assert set(Protocol().test_seeds) <= set(TEST_SEEDS)
     assert not set(Protocol().test_seeds) & set(TEST_SEEDS[: PPOArguments().specimens])  # those that every run prints
     assert len(Protocol().test_seeds) == Protocol().specimens
-
-
-def test_the_held_out_specimens_change_with_the_version():
-    assert Protocol().first_specimen == 10_000 * (int(Protocol().version) - 2)
 
 
 def test_the_table_is_written_again_from_the_cuts_alone(compared):

@@ -66,15 +66,17 @@ def test_a_round_trip_loses_nothing(kept: Path, policy: str) -> None:
         assert all((episode.infos[name] == values).all() for name, values in cut.infos.items())
         assert list(np.flatnonzero(episode.terminations)) == [len(cut.actions) - 1]
         assert not episode.truncations.any()
+    told = loaded.storage.metadata["cutenv"]
+    assert told["infos"] == FELT | HIDDEN
+    assert [component["unit"] for component in told["observations"]][:6] == ["N", "N", "N", "N", "m", "m/s"]
+    assert "2.54 cm/s" in told["actions"][0]
 
 
 @pytest.mark.parametrize(
     ("policy", "environment", "components"),
     [("follow the depth", "cutenv/DepthCut-v1", 22), ("steer by force", "cutenv/PathCut-v1", 28)],
 )
-def test_a_cut_along_a_depth_or_a_line_comes_back_with_what_its_task_adds(
-    kept: Path, policy: str, environment: str, components: int
-) -> None:
+def test_a_cut_along_a_depth_or_a_line_comes_back_with_what_its_task_adds(kept, policy, environment, components):
     keywords, cuts = cuts_of(Arguments(dataset=ID, policy=policy, **SHORT))
     write(ID, policy, keywords, cuts)
     loaded = minari.load_dataset(ID)
@@ -121,27 +123,12 @@ def test_replayed_in_the_recovered_environment_the_actions_earn_the_recorded_rew
 def test_what_is_felt_is_what_the_observation_says_in_the_units_of_the_names(kept: Path) -> None:
     _, (cut, _) = cuts_of(Arguments(dataset=ID, policy="90-45-90", **SHORT))
     seen = in_units(cut.observations)
-    for name, info in {
-        "force": "force_N",
-        "force_mean": "force_mean_N",
-        "force_min": "force_min_N",
-        "force_max": "force_max_N",
-        "position": "position_m",
-        "speed": "speed_m_s",
-        "depth": "depth_m",
-    }.items():
-        assert cut.infos[info] == pytest.approx(seen[name], abs=1e-5), info
+    units = {"force": "N", "force_mean": "N", "force_min": "N", "force_max": "N"}
+    for name, unit in {**units, "position": "m", "speed": "m_s", "depth": "m"}.items():
+        assert cut.infos[f"{name}_{unit}"] == pytest.approx(seen[name], abs=1e-5), name
     assert np.radians(cut.infos["angle_deg"]) == pytest.approx(seen["angle"], abs=1e-5)
     assert 30.0 - cut.infos["time_s"] == pytest.approx(seen["time_left"], abs=1e-5)
     assert cut.infos["force_N"].max() > 1.0
-
-
-def test_metadata_say_what_the_numbers_are(kept: Path) -> None:
-    write(ID, "probe and creep", *cuts_of(Arguments(dataset=ID, policy="probe and creep", **SHORT)))
-    told = minari.load_dataset(ID).storage.metadata["cutenv"]
-    assert told["infos"] == FELT | HIDDEN
-    assert [component["unit"] for component in told["observations"]][:6] == ["N", "N", "N", "N", "m", "m/s"]
-    assert "2.54 cm/s" in told["actions"][0]
 
 
 def test_a_persons_record_becomes_observations_and_the_actions_that_move_a_blade_alike(trace: Trace) -> None:
@@ -167,9 +154,7 @@ def test_a_record_that_ends_before_the_task_is_truncated(trace: Trace) -> None:
     assert len(cut.actions) == 20
 
 
-def test_records_become_a_data_set_in_an_environment_that_assesses_by_estimates(
-    kept: Path, trace: Trace, tmp_path: Path
-) -> None:
+def test_records_become_a_data_set_in_an_environment_that_assesses_by_estimates(kept, trace, tmp_path):
     save(trace, tmp_path / "mine.csv")
     write(ID, "people", *cuts_of(Arguments(dataset=ID, records=(str(tmp_path / "mine.csv"),))))
     loaded = minari.load_dataset(ID)
@@ -189,9 +174,7 @@ def test_records_become_a_data_set_in_an_environment_that_assesses_by_estimates(
         ({"metadata": {}}, r"mine\.csv, cut 1: the record has no target_length_m.*--target-length"),
     ],
 )
-def test_a_record_that_lacks_something_is_named_with_it(
-    trace: Trace, tmp_path: Path, changes: dict[str, Any], told: str
-) -> None:
+def test_a_record_that_lacks_something_is_named_with_it(trace, tmp_path, changes, told):
     save(dataclasses.replace(trace, **changes), tmp_path / "mine.csv")
     with pytest.raises(ValueError, match=told):
         cuts_of(Arguments(dataset=ID, records=(str(tmp_path / "mine.csv"),)))
@@ -209,19 +192,10 @@ def test_lessons_are_the_features_that_an_agent_sees_and_the_actions(kept: Path)
     cuts = list(cloning_data_by_cut(dataset, history=2))
     assert (np.concatenate([own for own, _ in cuts]) == shown).all()
     assert (taught == np.concatenate([episode.actions for episode in dataset.iterate_episodes()])).all()
-    features = Features(history=2)
-    second = dataset[1]
-    expected = [features(observation) for observation in second.observations[:-1]]
-    assert (shown[-len(expected) :] == expected).all()  # nothing of the first cut is remembered
-
-
-def test_lessons_for_an_agent_that_does_not_feel_hold_no_force(kept: Path) -> None:
-    dataset = write(ID, "script", *cuts_of(Arguments(dataset=ID, policy="force feedback", cuts=1)))
-    shown, _ = cloning_data(dataset, history=2, force=False)
-    features = Features(history=2, force=False)
-    assert (shown == [features(observation) for observation in dataset[0].observations[:-1]]).all()
-    felt, _ = cloning_data(dataset, history=2)
-    assert felt.shape[1] > shown.shape[1] or (felt != shown).any()
+    for force in (True, False):  # nothing of the first cut is remembered
+        features, shown = Features(history=2, force=force), cloning_data(dataset, history=2, force=force)[0]
+        expected = [features(observation) for observation in dataset[1].observations[:-1]]
+        assert (shown[-len(expected) :] == expected).all()
 
 
 def test_what_the_actions_of_a_data_set_mean_is_told_or_it_is_refused(kept: Path) -> None:
@@ -231,24 +205,6 @@ def test_what_the_actions_of_a_data_set_mean_is_told_or_it_is_refused(kept: Path
     assert environment_of(default) == {"control_hz": 50, "angle_mode": "free"}
     inclined = write("cutenv/test/inclined-v0", "nothing", {"angle_mode": "fixed", "fixed_angle_deg": 60.0}, cuts)
     assert environment_of(inclined) == {"control_hz": 50, "angle_mode": "fixed", "fixed_angle_deg": 60.0}
-
-
-def test_a_clone_learns_from_a_loaded_data_set_in_a_few_hundred_steps(kept: Path) -> None:
-    torch = pytest.importorskip("torch", reason="the learner is an extra: pip install 'cutenv[rl]'")
-    write(ID, "script", *cuts_of(Arguments(dataset=ID, policy="probe and creep", **SHORT)))
-    shown, taught = map(torch.as_tensor, cloning_data(minari.load_dataset(ID), history=1))
-    torch.manual_seed(0)
-    network = torch.nn.Sequential(torch.nn.Linear(shown.shape[1], 32), torch.nn.Tanh(), torch.nn.Linear(32, 2))
-    optimizer = torch.optim.Adam(network.parameters(), lr=1e-2)
-    losses = []
-    for _ in range(300):
-        loss = ((network(shown) - taught) ** 2).mean()
-        optimizer.zero_grad()
-        loss.backward()
-        optimizer.step()
-        losses.append(loss.item())
-    spread = float(taught.var(dim=0).mean())
-    assert losses[-1] < 0.3 * min(spread, losses[0])  # better than the one action that is best on the average
 
 
 def test_a_data_set_of_another_environment_teaches_nothing(kept: Path) -> None:
@@ -267,14 +223,6 @@ def test_a_data_set_of_another_environment_teaches_nothing(kept: Path) -> None:
         cloning_data(other, history=0)
     with pytest.raises(ValueError, match="is of environment CartPole-v1; give one of cutenv/GentleCut-v1"):
         environment_of(other)
-
-
-def test_an_id_that_is_taken_is_refused_and_the_first_stays(kept: Path) -> None:
-    keywords, cuts = cuts_of(Arguments(dataset=ID, policy="nothing", cuts=1))
-    write(ID, "nothing", keywords, cuts)
-    with pytest.raises(FileExistsError, match="give another id"):
-        write(ID, "nothing", keywords, cuts * 2)
-    assert minari.load_dataset(ID).total_episodes == 1
 
 
 @pytest.mark.parametrize(

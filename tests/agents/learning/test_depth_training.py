@@ -107,12 +107,9 @@ def test_it_is_evaluated_with_policies_of_its_task_alone(finished, tmp_path):
     assert "'return stroke' is for 'gentle'" in mixed.stderr
 
 
-def test_where_the_blade_stays_at_its_level_it_is_refused(finished):
+def test_it_is_refused_where_the_blade_stays_at_its_level_and_its_baselines_are_not_reused(finished, tmp_path):
     with pytest.raises(ValueError, match="trained in cutenv/DepthCut-v1, which has a third action, descent"):
         gentle_policy(finished[0] / "policy")
-
-
-def test_the_report_is_made_again_without_the_baselines_of_others(finished, tmp_path):
     refused = run("evaluate", tmp_path, "--report", str(finished[0]), "--baselines-of", str(finished[0]))
     assert refused.returncode == 2
     assert "leave out --baselines-of" in refused.stderr

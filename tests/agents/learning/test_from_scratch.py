@@ -63,13 +63,6 @@ def test_the_table_has_them_beside_the_best_script_and_the_picture_is_drawn(fold
     assert (tmp_path / "curves.png").stat().st_size > 10_000
 
 
-def test_a_run_of_before_has_no_drawn_actions_and_its_row_says_nothing_of_them():
-    rows = [{"return": 0.5, "success": 1.0}, {"return": 0.7, "success": 0.5, "drawn_return": 0.8, "drawn_success": 1.0}]
-    assert from_scratch._scores(rows, "") == ("0.600", "75")
-    assert from_scratch._scores(rows, "drawn_") == ("", "")
-    assert from_scratch._scores(rows[1:], "drawn_") == ("0.800", "100")
-
-
 def test_learners_see_what_they_are_said_to_see():
     sizes = {
         shown: from_scratch.Run("gentle", "ppo", shown, 0).environments(range(2)).observation_space.shape
@@ -89,22 +82,3 @@ def test_a_curve_counts_the_first_cut_of_each_specimen():
         alone = from_scratch.cut_with(lambda seen, memory, begun: (ahead[:1], memory), run.environments([seed]))
         assert (together[number], success[number]) == (alone[0][0], alone[1][0])
     assert len(set(together)) == 4
-
-
-def test_an_agents_memory_is_empty_where_a_cut_begins():
-    run = from_scratch.Run("gentle", "memory", "raw", 0)
-    agent = from_scratch.ppo_gru.Agent(12, 2, 16)
-    act = from_scratch.memory_of(agent)
-    seen = np.random.default_rng(0).normal(size=(2, 12)).astype(np.float32)
-    first, memory = act(seen, None, np.ones(2, bool))
-    again, _ = act(seen, memory, np.array([True, False]))
-    assert np.array_equal(first[0], again[0])
-    assert not np.array_equal(first[1], again[1])
-    assert run.rate == 10
-
-
-def test_without_a_run_there_is_no_table(tmp_path):
-    with pytest.raises(
-        SystemExit, match=r"holds no run; run 'python -m scripts.benchmarks.policies.from_scratch' first"
-    ):
-        from_scratch.kept(tmp_path)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import tomllib
 from pathlib import Path
 
@@ -10,6 +9,8 @@ import pytest
 
 pytest.importorskip("sb3_contrib", reason="the learners are an extra: pip install 'cutenv[rl]'")
 
+from cutenv.agents.learning.off_policy import OFF_POLICY
+from cutenv.agents.learning.on_policy import ON_POLICY
 from cutenv.agents.learning.seeds import ENVIRONMENT
 from cutenv.commands.train import LEARNERS
 
@@ -34,16 +35,6 @@ def test_every_learner_is_there():
     assert {name.replace("_", "-") for name in ALL} == set(LEARNERS)
 
 
-@pytest.mark.parametrize("program", ["ppo", "recurrent_ppo"])
-def test_the_named_policy_is_the_models(program):
-    module = importlib.import_module(f"cutenv.agents.learning.{program}")
-    arguments = LEARNERS[program.replace("_", "-")][1](environments=2, rollout=8, batch_size=16)
-    model = module.LEARNER.new_model(arguments, arguments.training_environments())
-    assert type(model.policy).__name__ == ALL[program][ENVIRONMENT]["policy"]
-
-
-@pytest.mark.parametrize("program", ["sac", "tqc", "crossq"])
-def test_the_named_policy_is_that_of_the_off_policy_learner(program):
-    from cutenv.agents.learning.off_policy import OFF_POLICY
-
-    assert OFF_POLICY[program].policy.__name__ == ALL[program][ENVIRONMENT]["policy"]
+def test_the_named_policies_are_those_of_the_learners():
+    for name, learner in {**ON_POLICY, **OFF_POLICY}.items():
+        assert learner.policy.__name__ == ALL[name.replace("-", "_")][ENVIRONMENT]["policy"]

@@ -24,20 +24,21 @@ ROOT = Path(__file__).parents[3]
 PYTHON = ROOT / (".venv-lerobot/Scripts/python.exe" if os.name == "nt" else ".venv-lerobot/bin/python")
 
 
+Made = tuple[dict[str, Any], list[Demonstration]]
+
+
 @pytest.fixture(scope="module")
-def made() -> tuple[dict[str, Any], list[Demonstration]]:
+def made() -> Made:
     return cuts_of(Arguments(dataset="cutenv/x", format="lerobot", policy="probe and creep", cuts=3))
 
 
 @pytest.fixture
-def folder(tmp_path: Path, made: tuple[dict[str, Any], list[Demonstration]]) -> Path:
+def folder(tmp_path: Path, made: Made) -> Path:
     write_lerobot(tmp_path / "set", "probe and creep", *made)
     return tmp_path / "set"
 
 
-def test_every_decision_is_a_frame_with_the_force_in_newtons(
-    folder: Path, made: tuple[dict[str, Any], list[Demonstration]]
-) -> None:
+def test_every_decision_is_a_frame_with_the_force_in_newtons(folder, made):
     cuts = made[1]
     table = parquet.read_table(folder / "data/chunk-000/file-000.parquet").to_pydict()
     info = json.loads((folder / "meta/info.json").read_text())
@@ -63,9 +64,7 @@ def test_every_decision_is_a_frame_with_the_force_in_newtons(
     assert info["codebase_version"] == "v3.0"
 
 
-def test_the_wrench_states_its_components_unit_frame_and_rate(
-    folder: Path, made: tuple[dict[str, Any], list[Demonstration]]
-) -> None:
+def test_the_wrench_states_its_components_unit_frame_and_rate(folder, made):
     table = parquet.read_table(folder / "data/chunk-000/file-000.parquet").to_pydict()
     wrench = json.loads((folder / "meta/info.json").read_text())["features"]["observation.wrench"]
     assert (wrench["dtype"], wrench["shape"], wrench["names"]) == ("float32", [1], ["force_x_N"])
@@ -81,9 +80,7 @@ def test_the_wrench_states_its_components_unit_frame_and_rate(
     [("follow the depth", {"force_x_N": "force_N", "force_z_N": "vertical_force_N"}),
      ("steer by force", {"force_x_N": "force_N", "force_y_N": "lateral_force_N"})],
 )  # fmt: skip
-def test_a_task_with_more_components_of_force_writes_them(
-    tmp_path: Path, policy: str, components: dict[str, str]
-) -> None:
+def test_a_task_with_more_components_of_force_writes_them(tmp_path, policy, components):
     keywords, cuts = cuts_of(Arguments(dataset="cutenv/x", format="lerobot", policy=policy, cuts=1))
     write_lerobot(tmp_path / "set", "x", keywords, cuts)
     table = parquet.read_table(tmp_path / "set/data/chunk-000/file-000.parquet").to_pydict()
@@ -108,9 +105,7 @@ def test_the_statistics_are_those_of_the_frames(folder: Path) -> None:
     assert last["tasks"] == [INSTRUCTION]
 
 
-def test_more_frames_than_a_file_takes_go_into_the_next(
-    tmp_path: Path, made: tuple[dict[str, Any], list[Demonstration]], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_more_frames_than_a_file_takes_go_into_the_next(tmp_path, made, monkeypatch):
     monkeypatch.setattr(lerobot, "_FRAMES_IN_FILE", 100)
     monkeypatch.setattr(lerobot, "_FILES_IN_CHUNK", 2)
     write_lerobot(tmp_path / "set", "x", *made)
@@ -121,9 +116,7 @@ def test_more_frames_than_a_file_takes_go_into_the_next(
     assert [(row["data/chunk_index"], row["data/file_index"]) for row in rows] == [(0, 0), (0, 1), (1, 0)]
 
 
-def test_nothing_is_left_of_a_data_set_that_cannot_be_written(
-    tmp_path: Path, made: tuple[dict[str, Any], list[Demonstration]], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nothing_is_left_of_a_data_set_that_cannot_be_written(tmp_path, made, monkeypatch):
     def full(*_: Any) -> None:
         raise OSError("no space left on device")
 
@@ -133,9 +126,7 @@ def test_nothing_is_left_of_a_data_set_that_cannot_be_written(
     assert not list(tmp_path.iterdir())
 
 
-def test_the_command_writes_where_lerobot_looks_and_never_over_another(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_writes_where_lerobot_looks_and_never_over_another(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("HF_LEROBOT_HOME", str(tmp_path))
     given = ["datasets", "--format", "lerobot", "--cuts", "1", "--policy", "probe and creep", "--dataset"]
     assert cli.main([*given, "cutenv/probe"]) == 0
@@ -150,9 +141,7 @@ def test_the_command_writes_where_lerobot_looks_and_never_over_another(
     assert lerobot_folder("a/b") == tmp_path / "hf/lerobot/a/b"
 
 
-def test_the_data_sets_own_environment_observes_what_the_data_set_holds(
-    folder: Path, made: tuple[dict[str, Any], list[Demonstration]]
-) -> None:
+def test_the_data_sets_own_environment_observes_what_the_data_set_holds(folder, made):
     spec = importlib.util.spec_from_file_location("hub_env", folder / "env.py")
     assert spec is not None
     assert spec.loader is not None
@@ -175,9 +164,7 @@ def test_the_data_sets_own_environment_observes_what_the_data_set_holds(
 @pytest.mark.parametrize(
     ("task", "states", "observed", "in_processes"), [("depth", 11, 22, False), ("path", 12, 28, True)]
 )
-def test_environments_for_lerobot_are_there_for_every_task_in_processes_too(
-    task: str, states: int, observed: int, in_processes: bool
-) -> None:
+def test_environments_for_lerobot_are_there_for_every_task_in_processes_too(task, states, observed, in_processes):
     environment = {"task": task, "control_hz": 10}
     ((name, numbered),) = make_env(2, use_async_envs=in_processes, environment=environment).items()
     vector = numbered[0]
@@ -199,9 +186,7 @@ def test_environments_for_lerobot_refuse_what_cannot_be() -> None:
 @pytest.mark.skipif(
     not PYTHON.exists(), reason="LeRobot wants packages of its own: 'pip install lerobot' in .venv-lerobot"
 )
-def test_lerobots_library_reads_the_same_numbers(
-    folder: Path, made: tuple[dict[str, Any], list[Demonstration]]
-) -> None:
+def test_lerobots_library_reads_the_same_numbers(folder, made):
     offline = os.environ | {"HF_HUB_OFFLINE": "1", "HF_HOME": str(folder.parent / "home"), "PYTHONPATH": str(ROOT)}
     seeds = [str(cut.seed) for cut in made[1][:2]]
     command = [str(PYTHON), str(Path(__file__).with_name("in_lerobot.py")), "cutenv/probe", str(folder), *seeds]

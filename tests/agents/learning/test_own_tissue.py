@@ -27,9 +27,7 @@ QUICKER = {
 """The same commands, with less of everything."""
 
 
-def test_the_guide_leads_from_records_to_an_agent_on_ones_own_tissue(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_guide_leads_from_records_to_an_agent_on_ones_own_tissue(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("records").mkdir()
     for number, trace in enumerate(traces(speeds=(0.0127, 0.0254))):  # twelve; slower ones have more readings

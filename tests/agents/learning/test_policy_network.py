@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from kept_policy import ABOUT, SIZE
 
-from cutenv.agents.policy.actor_network import ACTIVATIONS, Network
+from cutenv.agents.policy.actor_network import Network
 from cutenv.agents.policy.trained import TrainedPolicy, save_policy
 from cutenv.task.observation import CLIP
 
@@ -59,29 +59,6 @@ def test_the_network_acts_as_the_learner_does(learner, size):
     own = Network.from_state_dict(actor(model), activation)
     assert own.sizes == (SIZE, 64, 64, 2)
     assert difference(model, own, size) < 1e-5
-
-
-def test_before_clipping_the_network_says_what_the_learner_says(learner):
-    import torch
-
-    model, activation = learner
-    features = np.random.default_rng(0).uniform(-1e3, 1e3, (500, SIZE)).astype(np.float32)
-    with torch.no_grad():
-        theirs = model.policy.get_distribution(torch.as_tensor(features)).mode().numpy()
-    own = Network.from_state_dict(actor(model), activation)(features)
-    assert np.abs(own - theirs).max() < 1e-5 * np.abs(theirs).max()
-
-
-def test_a_learner_that_always_answers_the_limit_would_prove_nothing(learner):
-    features = np.random.default_rng(0).uniform(-3.0, 3.0, (500, SIZE)).astype(np.float32)
-    inside = np.abs(learner[0].predict(features, deterministic=True)[0]) < 0.99
-    assert 0.3 < inside.mean() < 1.0
-
-
-def test_an_activation_left_out_is_noticed(learner, monkeypatch):
-    model, activation = learner
-    monkeypatch.setitem(ACTIVATIONS, activation, lambda values: values)
-    assert difference(model, Network.from_state_dict(actor(model), activation), 1.0) > 0.1
 
 
 def state(*places: int) -> dict[str, np.ndarray]:

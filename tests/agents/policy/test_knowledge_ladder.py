@@ -59,23 +59,3 @@ def test_the_planners_rule_keeps_the_cut_nearer_to_the_line_than_the_script_does
     told = mean("the planner's rule of steering, with truth")
     assert told < mean(START)
     assert told < mean("that, but for the distance to the line")
-
-
-def test_the_table_has_a_row_for_every_rung_and_compares_it_with_the_script():
-    values = {
-        "success": 1.0,
-        "mean_distance_mm": 0.25,
-        "largest_distance_mm": 1.5,
-        "safety": -0.01,
-        "tip_error_mm": 2.0,
-    }
-    measured = [
-        {"policy": name, "seed": seed, "return": 0.5 + 0.1 * k, **values}
-        for k, name in enumerate(LADDER.rungs)
-        for seed in SEEDS
-    ]
-    lines = LADDER.report(measured).splitlines()
-    assert lines[3].startswith("| true tip along the line | 0.600 [0.600, 0.600] | 100.0 % | 0.25 mm | 1.50 mm | 0.010")
-    assert lines[3].endswith("| 2.00 mm | +0.100 [+0.100, +0.100] |")
-    assert lines[-1].startswith("6 held-out specimens")
-    assert len(lines) == 2 + len(LADDER.rungs) + 2

@@ -9,7 +9,6 @@ from whole_cut import CRUISE, INCLINED, UPRIGHT, make
 
 from cutenv.agents.policy import TipEstimate
 from cutenv.agents.policy.interface import in_si
-from cutenv.agents.policy.tip_estimate import nothing_yet, remember_stiffness
 from cutenv.sim.tissue import Specimen, measured_liver
 from cutenv.sim.tissue.crack_tip import ASSESSED_TIP, MeanTissue, assess_tips, believe_mean
 from cutenv.sim.tissue.specimen import N_POINTS, SPACING, nominal_stiffness, nominal_tissue
@@ -44,30 +43,11 @@ def test_in_the_mean_tissue_the_tip_is_where_it_is_estimated(commands):
     assert np.abs(errors(None, commands)[25:]).max() < 0.3e-3
 
 
-def test_in_other_tissue_it_is_not_so_the_check_can_fail():
-    stiff = Specimen.homogeneous(modulus=2.5 * LIVER.modulus, fracture_resistance=240.0, depth=LIVER.mean_depth)
-    assert np.abs(errors(stiff, [CUT])[25:]).max() > 2e-3
-
-
 def test_the_depth_where_the_tip_stands_is_remembered_from_when_the_blade_passed():
     rising = [(5.0, CRUISE, UPRIGHT)]
     remembered = np.abs(errors(Specimen.mean(), rising)[40:]).max()
     assert remembered < 0.3e-3
     assert np.abs(errors(Specimen.mean(), rising, forgetful=True)[40:]).max() > 2.0 * remembered
-
-
-def test_the_stiffness_is_that_of_depths_filled_in_evenly_between_two_observations():
-    nominal, memory = nominal_tissue(LIVER)[0], nothing_yet(LIVER).copy()[0]
-    remember_stiffness(memory, nominal, 0.0, 0.002)
-    remember_stiffness(memory, nominal, 4 * SPACING, 0.010)
-    assert memory.passed == 5
-    filled_in = [nominal_stiffness(nominal, k, depth) for k, depth in enumerate([0.002, 0.004, 0.006, 0.008, 0.010])]
-    np.testing.assert_allclose(memory.stiffness[:5], filled_in)
-    remember_stiffness(memory, nominal, 2 * SPACING, 0.5)
-    assert memory.passed == 5, "drawing back changes nothing"
-    np.testing.assert_allclose(memory.stiffness[:5], filled_in)
-    remember_stiffness(memory, nominal, 1.0, 0.02)
-    assert memory.passed == N_POINTS
 
 
 def test_the_force_of_an_elastic_tissue_is_turned_into_its_lag():
@@ -130,15 +110,6 @@ def test_a_return_stroke_measures_stiffness_and_friction_and_finds_the_tip_from_
     assert np.std(stiffnesses) > 0.15, "livers differ"
     assert np.median(np.abs(tips)) < 0.4e-3
     assert np.median(np.abs(np.array(frictions) - 1.0)) < 0.1
-
-
-def test_without_a_return_stroke_it_does_not_so_the_check_can_fail():
-    tips = []
-    for seed in range(12):
-        tip, estimate, truth, _ = after_a_return_stroke(seed, stroke=0.0)
-        assert estimate.memory["probed"][0] == 0
-        tips.append(tip - truth["tip_m"])
-    assert np.median(np.abs(tips)) > 0.8e-3
 
 
 def test_the_run_that_is_predicted_is_that_of_the_energy_balance():
