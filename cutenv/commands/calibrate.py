@@ -111,10 +111,7 @@ def settings_table(cuts: Sequence[MeasuredCut]) -> str:
 def differences_in_handling(traces: Sequence[Trace]) -> list[str]:
     """Return notes on differences in tissue handling.
 
-    Raises
-    ------
-    ValueError
-        If a record's handling is not valid.
+    Raise ValueError if a record's handling is not valid.
     """
     handled = [Provenance.from_metadata(trace.metadata).handling or TissueHandling() for trace in traces]
     notes = []

@@ -107,15 +107,7 @@ PROGRAM = Command(
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the sub-command named first in ``argv``.
 
-    Parameters
-    ----------
-    argv : sequence of str, optional
-        Without the program's name; those of the process by default.
-
-    Returns
-    -------
-    int
-        The exit status: 0 if all went well.
+    ``argv`` is without the program's name. Return the exit status: 0 if all went well.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
     chosen = _chosen("cutenv", PROGRAM, arguments)

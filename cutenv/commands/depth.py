@@ -139,10 +139,7 @@ def run_summary(found: RunsAndDrops) -> str:
 def _record(path: Path) -> Trace:
     """Return the one cut of a record.
 
-    Raises
-    ------
-    ValueError
-        If it holds several, or is bad.
+    Raise ValueError if it holds several, or is bad.
     """
     from cutenv.records import read_record
 

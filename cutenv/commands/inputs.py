@@ -52,12 +52,8 @@ class LoadedTraces(NamedTuple):
 def read_records(arguments: argparse.Namespace) -> LoadedTraces:
     """Read all files; cuts are named after their file.
 
-    Raises
-    ------
-    ValueError
-        If the options are invalid, or a record is bad and not to be skipped: names all of them, with reasons.
-    OSError
-        If a file cannot be opened.
+    Raise ValueError if the options are invalid, or a record is bad and not to be skipped: names all of them, with
+    reasons; OSError if a file cannot be opened.
     """
     mapping = given_mapping(arguments)
     pattern = _pattern(arguments.specimen)
@@ -114,12 +110,7 @@ def read_records(arguments: argparse.Namespace) -> LoadedTraces:
 def chosen_cut(records: LoadedTraces, number: int | None) -> Trace:
     """Return a cut by number from 1, by default the first.
 
-    A note is printed if there are others.
-
-    Raises
-    ------
-    ValueError
-        If there is no such cut.
+    A note is printed if there are others. Raise ValueError if there is no such cut.
     """
     by_number = {source.number or 1: trace for source, trace in zip(records.sources, records.traces, strict=True)}
     if not by_number:
@@ -139,12 +130,8 @@ def record_files(arguments: argparse.Namespace) -> list[Path]:
     """Return the files of ``arguments.records``, with patterns and folders expanded.
 
     Files of other programs are looked for where there is a mapping, given or kept. The folder of a bag, or of a data
-    set of LeRobot, is one record. A table of operators and the command's own output are no records.
-
-    Raises
-    ------
-    FileNotFoundError
-        If a file is missing, or a folder holds no records.
+    set of LeRobot, is one record. A table of operators and the command's own output are no records. Raise
+    FileNotFoundError if a file is missing, or a folder holds no records.
     """
     ours = {path.resolve() for name in ("operators", "out") if (path := getattr(arguments, name, None)) is not None}
     ours |= {path.with_suffix(".csv") if path.suffix == ".html" else path / "scores.csv" for path in ours}

@@ -38,14 +38,7 @@ SCREEN = (24, 80)
 class CommandParser(argparse.ArgumentParser):
     """Parser of a sub-command, with ``-h`` for a screen, ``--help`` for all.
 
-    Both begin with common uses.
-
-    Parameters
-    ----------
-    common : sequence of str
-        The commonest uses, as they are typed.
-    **keywords
-        Those of ``argparse.ArgumentParser``.
+    Both begin with common uses. ``common`` are typed whole; ``**keywords`` are those of ``argparse.ArgumentParser``.
     """
 
     def __init__(self, *, common: Sequence[str] = (), **keywords: Any) -> None:
@@ -186,10 +179,7 @@ def add_target_length(parser: argparse.ArgumentParser, default: str) -> None:
 def target_length(arguments: argparse.Namespace) -> float | None:
     """Return ``--target-length`` in metres, or None.
 
-    Raises
-    ------
-    ValueError
-        If it is not a length with a unit, or no specimen is so long.
+    Raise ValueError if it is not a length with a unit, or no specimen is so long.
     """
     return length_given(arguments, "target_length", (0.005, 0.15), "Write 80mm or 8cm.")
 
@@ -197,10 +187,7 @@ def target_length(arguments: argparse.Namespace) -> float | None:
 def length_given(arguments: argparse.Namespace, name: str, limits: tuple[float, float], cure: str) -> float | None:
     """Return the length [m] of an option, or None.
 
-    Raises
-    ------
-    ValueError
-        If it is not a length with a unit, or outside the limits [m]; the message ends with the ``cure``.
+    Raise ValueError if it is not a length with a unit, or outside the limits [m]; the message ends with the ``cure``.
     """
     from cutenv._base.validation import in_range
     from cutenv.records.schema import parse_length
@@ -246,12 +233,7 @@ _LINES = "write straight, arc:40mm, s:40mm, excision:80mm:15mm, or a file"
 def line_given(arguments: argparse.Namespace) -> CutLine | None:
     """Return ``--line``, None if it is not given.
 
-    Raises
-    ------
-    ValueError
-        If it is no line, leaves the slab, turns back or bends too far.
-    OSError
-        If the file cannot be read.
+    Raise ValueError if it is no line, leaves the slab, turns back or bends too far; OSError if the file cannot be read.
     """
     from cutenv.records.line_file import read_line
     from cutenv.records.schema import parse_length
@@ -286,10 +268,7 @@ def add_layer_depth(parser: argparse.ArgumentParser, default: str) -> None:
 def wanted_depth_given(arguments: argparse.Namespace) -> DepthProfile | None:
     """Return ``--wanted-depth``, None if it is not given.
 
-    Raises
-    ------
-    ValueError
-        If it is neither a length with a unit nor pairs of them, or out of range.
+    Raise ValueError if it is neither a length with a unit nor pairs of them, or out of range.
     """
     from cutenv.records.measurement.depth import wanted_depth
     from cutenv.records.schema import parse_length
@@ -309,10 +288,7 @@ def wanted_depth_given(arguments: argparse.Namespace) -> DepthProfile | None:
 def layer_depth_given(arguments: argparse.Namespace) -> float | None:
     """Return ``--layer-depth`` in metres, or None.
 
-    Raises
-    ------
-    ValueError
-        If it is not a length with a unit, or out of range.
+    Raise ValueError if it is not a length with a unit, or out of range.
     """
     return length_given(arguments, "layer_depth", (0.0005, 0.1), "Write 12mm.")
 
@@ -338,10 +314,7 @@ def add_tissue(parser: argparse.ArgumentParser) -> None:
 def drawn_given(arguments: argparse.Namespace) -> dict[str, str]:
     """Return environment keyword arguments for ``--specimen-class`` and ``--tissue``.
 
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        If the file is missing, or no tissue.
+    Raise FileNotFoundError, ValueError if the file is missing, or no tissue.
     """
     from cutenv.agents.learning.option_fields import drawn_as
     from cutenv.envs.tissue_source import TissueSource
@@ -453,10 +426,7 @@ def add_question(parser: argparse.ArgumentParser, *, unit: str, smallest: str, m
 def question_given(arguments: argparse.Namespace, *, smallest: float, reach: float = 1.0) -> SequentialQuestion:
     """Return what the options of :func:`add_question` ask.
 
-    Raises
-    ------
-    ValueError
-        If a number is out of range.
+    Raise ValueError if a number is out of range.
     """
     from cutenv.records.scoring.study.sequential import SequentialQuestion
 
@@ -515,12 +485,7 @@ def add_cut(parser: argparse.ArgumentParser) -> None:
 def made_folder(option: str, folder: Path) -> Path:
     """Return the folder; make it and its parents if missing.
 
-    Raises
-    ------
-    ValueError
-        If a file has its name.
-    OSError
-        If it cannot be made, or nothing can be written there.
+    Raise ValueError if a file has its name; OSError if it cannot be made, or nothing can be written there.
     """
     check_place(option, folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -531,12 +496,8 @@ def made_folder(option: str, folder: Path) -> Path:
 def check_place(option: str, folder: Path) -> None:
     """Raise unless a folder could be made here; make none.
 
-    Raises
-    ------
-    ValueError
-        If a file has its name, or that of a folder above it.
-    OSError
-        If nothing can be written in the nearest folder that exists.
+    Raise ValueError if a file has its name, or that of a folder above it; OSError if nothing can be written in the
+    nearest folder that exists.
     """
     there = next(each for each in (folder.absolute(), *folder.absolute().parents) if each.exists())
     if not there.is_dir():
@@ -548,12 +509,8 @@ def check_place(option: str, folder: Path) -> None:
 def made_picture(option: str, file: Path) -> Path:
     """Return the path of a picture to write (.png); make folders.
 
-    Raises
-    ------
-    ValueError
-        If its name does not end in ``.png``, or it is a folder.
-    OSError
-        If its folder cannot be made, or nothing can be written there.
+    Raise ValueError if its name does not end in ``.png``, or it is a folder; OSError if its folder cannot be made, or
+    nothing can be written there.
     """
     if file.suffix.lower() != ".png":
         raise ValueError(f"{option} {file} is no PNG. Give a name that ends in .png.")
@@ -563,12 +520,7 @@ def made_picture(option: str, file: Path) -> Path:
 def made_place(option: str, file: Path) -> Path:
     """Return the path of a file to write; make folders.
 
-    Raises
-    ------
-    ValueError
-        If it is a folder.
-    OSError
-        If its folder cannot be made, or nothing can be written there.
+    Raise ValueError if it is a folder; OSError if its folder cannot be made, or nothing can be written there.
     """
     if file.is_dir():
         raise ValueError(f"{option} {file} is a folder; give a file.")

@@ -122,10 +122,7 @@ def main(argv: Sequence[str]) -> int:
 def _agent_of(arguments: argparse.Namespace) -> SharingAgent | None:
     """Return the agent that shares the cuts, if any.
 
-    Raises
-    ------
-    ValueError
-        If there is no such policy, it is for another task, or an option does not go with it.
+    Raise ValueError if there is no such policy, it is for another task, or an option does not go with it.
     """
     if arguments.policy is None:
         return None
@@ -142,10 +139,7 @@ def _agent_of(arguments: argparse.Namespace) -> SharingAgent | None:
 def _course_of(arguments: argparse.Namespace) -> CourseProgress | None:
     """Return the operator's progress in the course, or None.
 
-    Raises
-    ------
-    ValueError
-        If the course is not valid or done, there is no code, or an option says what the course says.
+    Raise ValueError if the course is not valid or done, there is no code, or an option says what the course says.
     """
     if arguments.course is None:
         return None

@@ -113,12 +113,7 @@ def _example(path: Path) -> Path:
 def reference_set(given: str) -> ReferenceSet | None:
     """Return a reference set by name, file or folder.
 
-    None for ``none``.
-
-    Raises
-    ------
-    ValueError
-        If it is none of these, or the folder holds too few cuts.
+    None for ``none``. Raise ValueError if it is none of these, or the folder holds too few cuts.
     """
     from cutenv.commands.inputs import SUFFIXES
     from cutenv.records import read_record

@@ -43,12 +43,9 @@ def checked(path: Path, policies: Sequence[str] = ()) -> tuple[Submission, list[
     """Repeat all cuts of a file; return entry and scores.
 
     The scores are those of its runs and of the script, and each cut's row is printed. The script is the protocol's, on
-    the same specimens.  With the policies that were submitted, their files and actions are checked as well.
-
-    Raises
-    ------
-    OSError, ValueError
-        If the file cannot be read, is damaged, a cut's return differs, or the policies are not those of the file.
+    the same specimens. With the policies that were submitted, their files and actions are checked as well. Raise
+    OSError, ValueError if the file cannot be read, is damaged, a cut's return differs, or the policies are not those of
+    the file.
     """
     from cutenv.agents.learning.benchmark import entry_digest, entry_files, read_submission, replayed
     from cutenv.agents.learning.evaluation import contestant, evaluate

@@ -114,10 +114,7 @@ def _side_by_side(tasks: Sequence[str], rest: Sequence[str]) -> int:
 def training_options(learner: str, argv: Sequence[str]) -> LearnerArguments:
     """Return the options of a new run without starting it.
 
-    Raises
-    ------
-    BadArguments
-        For an option that is bad.
+    Raise BadArguments for an option that is bad.
     """
     kind = LEARNERS[learner][1]
     chosen = vars(_parser(learner).parse_args([*argv]))

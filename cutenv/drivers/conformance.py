@@ -33,22 +33,12 @@ THREADS_END = 1.0
 
 
 class TriedPromise(NamedTuple):
-    """One promise of a driver's protocol, and what became of it.
-
-    Attributes
-    ----------
-    promise : str
-        Promise.
-    allowed, measured : str
-        What is allowed, and what was found; with units.
-    kept : bool
-        True if it was kept.
-    """
+    """One promise of a driver's protocol, and what became of it."""
 
     promise: str
-    allowed: str
+    allowed: str  # what is allowed, and what was found; with units
     measured: str
-    kept: bool
+    kept: bool  # True if it was kept
 
 
 HEADER = ("promised", "allowed", "measured", "kept")
@@ -61,23 +51,13 @@ def conformance_rows(findings: list[TriedPromise]) -> list[tuple[str, ...]]:
 
 
 class Listening:
-    """Listener that keeps all reports of either kind of driver.
-
-    Attributes
-    ----------
-    motions, forces : list
-        Samples.
-    beats : list of float
-        Times of heartbeats [s].
-    troubles : list of str
-        Errors, foreign commands, breaks and packets that were no readings.
-    """
+    """Listener that keeps all reports of either kind of driver."""
 
     def __init__(self) -> None:
-        self.motions: list[MotionSample] = []
+        self.motions: list[MotionSample] = []  # samples
         self.forces: list[ForceSample] = []
-        self.beats: list[float] = []
-        self.troubles: list[str] = []
+        self.beats: list[float] = []  # times of heartbeats [s]
+        self.troubles: list[str] = []  # errors, foreign commands, breaks and packets that were no readings
 
     def motion(self, axis: str, sample: MotionSample) -> None:
         """Keep a sample of an axis."""
@@ -261,24 +241,8 @@ class _Trial:
 def conform_motion(driver: MotionDriver, rig: RigSettings, clock: Clock) -> list[TriedPromise]:
     """Test a motion driver; the axis moves to and fro by some millimetres.
 
-    Parameters
-    ----------
-    driver : MotionDriver
-        Driver, not open, with a latch of its own.
-    rig : RigSettings
-        Rig that it is for: its limits are what is allowed.
-    clock : Clock
-        Clock of the driver.
-
-    Returns
-    -------
-    list of TriedPromise
-        What was promised, allowed, measured.
-
-    Raises
-    ------
-    RigError
-        If it cannot be opened, switched on or cleared.
+    ``driver`` is not open, with a latch of its own; the limits of ``rig`` are what is allowed. Raise RigError if it
+    cannot be opened, switched on or cleared.
     """
     before, trial = set(threading.enumerate()), _Trial(driver, rig, clock)
     driver.open(trial.listening)
@@ -447,24 +411,7 @@ _HEAR = 2.0  # [s]
 def conform_force(driver: ForceDriver, rig: RigSettings, clock: Clock) -> list[TriedPromise]:
     """Try a force driver against its protocol, for some seconds.
 
-    Parameters
-    ----------
-    driver : ForceDriver
-        Driver, not open.
-    rig : RigSettings
-        Rig that it is for: its limits are what is allowed.
-    clock : Clock
-        Clock of the driver.
-
-    Returns
-    -------
-    list of TriedPromise
-        What was promised, allowed, measured.
-
-    Raises
-    ------
-    RigError
-        If it cannot be opened.
+    ``driver`` is not open; the limits of ``rig`` are what is allowed. Raise RigError if it cannot be opened.
     """
     before, listening = set(threading.enumerate()), Listening()
     driver.open(listening)

@@ -70,11 +70,6 @@ class FrameReader:
 
     A CRC of 16 bits lets one of 65 536 random frames pass. After anything unsound a frame is therefore believed only if
     it begins where another sound one has ended; that other is left out, as lost.
-
-    Parameters
-    ----------
-    form : FrameFormat
-        Format of the frames.
     """
 
     def __init__(self, form: FrameFormat) -> None:
@@ -161,14 +156,7 @@ class FramedProtocol(Protocol):
 class SensorLine:
     """Open port of a sensor, for requests before the stream.
 
-    Parameters
-    ----------
-    port : str
-        Device, such as ``/dev/serial/by-id/usb-...``.
-    baud : int
-        Baud rate.
-    clock : Clock
-        Clock of the rig.
+    ``port`` is such as ``/dev/serial/by-id/usb-...``.
     """
 
     def __init__(self, port: str, baud: int, clock: Clock) -> None:
@@ -223,14 +211,7 @@ class SensorLine:
 class FramedSensor(StreamedSensor):
     """Force sensor of six components that streams frames of counts.
 
-    Parameters
-    ----------
-    mounting : Mounting
-        Place on the rig; its options have the ``port``.
-    protocol : FramedProtocol
-        The maker's protocol.
-    rate_error : float
-        Greatest relative error of the rate.
+    The options of ``mounting`` have the ``port``; ``rate_error`` is the greatest relative error of the rate.
     """
 
     def __init__(self, mounting: Mounting, protocol: FramedProtocol, *, rate_error: float) -> None:

@@ -37,24 +37,12 @@ GRBL_AXES = ("X", "Y", "Z")
 
 
 class GrblStatus(NamedTuple):
-    """Status report.
+    """Status report."""
 
-    Attributes
-    ----------
-    state : str
-        "Idle", "Jog", "Run", "Hold", "Alarm", "Door", "Check", "Home" or "Sleep".
-    position : tuple of float
-        Machine position of each axis [mm].
-    feed : float
-        Present feed [mm/min].
-    pins : str
-        Letters of inputs that are triggered.
-    """
-
-    state: str
-    position: tuple[float, ...]
-    feed: float
-    pins: str
+    state: str  # "Idle", "Jog", "Run", "Hold", "Alarm", "Door", "Check", "Home" or "Sleep"
+    position: tuple[float, ...]  # machine position of each axis [mm]
+    feed: float  # present feed [mm/min]
+    pins: str  # letters of inputs that are triggered
 
 
 _STATUS = re.compile(rb"<([A-Za-z]+)(?::\d+)?\|MPos:(-?\d+\.\d+(?:,-?\d+\.\d+)*)((?:\|[^|<>]*)*)>")
@@ -176,30 +164,9 @@ _LINE = 128  # bytes at most
 class GrblConnection:
     """Serial line to a machine, open from the start.
 
-    Parameters
-    ----------
-    port : str
-        Serial port.
-    baud : int
-        Baud rate.
-    clock : Clock
-        Clock of the rig.
-    heard : callable
-        Called from the reading thread with each line that is no answer "ok" or "error", and the time [s].
-    broke : callable
-        Called once, from another thread, with the reason and the time [s] when the line is lost.
-
-    Attributes
-    ----------
-    lost : str or None
-        Reason why the line is lost.
-    changed : threading.Condition
-        Notified after every line.
-
-    Raises
-    ------
-    RigError
-        If the port is missing or taken.
+    ``heard``: called from the reading thread with each line that is no answer "ok" or "error", and the time [s];
+    ``broke``: called once, from another thread, with the reason and the time [s] when the line is lost. Raise RigError
+    if the port is missing or taken.
     """
 
     def __init__(
@@ -212,8 +179,8 @@ class GrblConnection:
         broke: Callable[[str, float], None],
     ) -> None:
         self._name, self._clock, self._heard, self._broke = port, clock, heard, broke
-        self.lost: str | None = None
-        self.changed = threading.Condition()
+        self.lost: str | None = None  # reason why the line is lost
+        self.changed = threading.Condition()  # notified after every line
         self._sending = threading.Lock()
         self._answers: list[str] = []
         self._closed = 0  # answers "ok" and errors since the last question
@@ -225,10 +192,7 @@ class GrblConnection:
     def write(self, data: bytes) -> None:
         """Send bytes at once.
 
-        Raises
-        ------
-        RigError
-            If the port does not take them.
+        Raise RigError if the port does not take them.
         """
         if self.lost is not None:
             raise RigError(f"the machine at {self._name} is lost: {self.lost}.")
@@ -241,10 +205,7 @@ class GrblConnection:
     def ask(self, line: str) -> list[str]:
         """Send a line, and return what comes before its "ok".
 
-        Raises
-        ------
-        RigError
-            If the answer is an error, or none comes in time.
+        Raise RigError if the answer is an error, or none comes in time.
         """
         with self.changed:
             self._answers, self._closed = [], 0
@@ -315,11 +276,6 @@ class GrblAxis(AxisDriver):
     Its position counts from where a person has set zero since the machine has power: ``cutenv rig zero``. The motor's
     power is the machine's own affair: "without power" means here that no jogs are sent. It has no watch of its own: one
     that has to stop by itself and does not slow down soon is reset, which stops it without a ramp and loses its zero.
-
-    Parameters
-    ----------
-    mounting : Mounting
-        Place on the rig.
     """
 
     device, silence, report_limit = "machine", "no more jogs are sent", 1.0
@@ -428,12 +384,7 @@ class GrblAxis(AxisDriver):
     def set_zero(self) -> None:
         """Take the present position, at the clamp, as zero.
 
-        It is kept in the machine's memory until that restarts.
-
-        Raises
-        ------
-        RigError
-            If the machine does not take it.
+        It is kept in the machine's memory until that restarts. Raise RigError if the machine does not take it.
         """
         self._ask(f"G92{self._options.letter}{MARK:g}")
         self._read_offsets()
@@ -469,10 +420,7 @@ class GrblAxis(AxisDriver):
     def disable(self) -> None:
         """Send no more jogs; the axis is at rest then.
 
-        Raises
-        ------
-        RigError
-            If it does not come to rest.
+        Raise RigError if it does not come to rest.
         """
         self._jogs.aim(0.0)
         self._rested()
@@ -482,10 +430,7 @@ class GrblAxis(AxisDriver):
     def clear(self) -> None:
         """Leave stop or alarm for rest, within the latch's reset.
 
-        Raises
-        ------
-        RigError
-            If the cause is still there.
+        Raise RigError if the cause is still there.
         """
         self._jogs.aim(0.0)
         self._write(JOG_CANCEL)
@@ -609,21 +554,8 @@ class GrblAxis(AxisDriver):
 class JogFeed:
     """Feed of jogs along one axis.
 
-    Parameters
-    ----------
-    letter : str
-        Axis of the machine.
-    number : int
-        Its place in a status report.
-    write : callable
-        Sends bytes.
-    stopped : callable
-        Returns True once nothing may move any more.
-
-    Attributes
-    ----------
-    cancelled : bool
-        True from a cancel until the machine is seen to stand.
+    ``letter``: axis of the machine; ``number``: its place in a status report; ``write``: sends bytes; ``stopped``:
+    returns True once nothing may move any more. ``cancelled``: True from a cancel until the machine is seen to stand.
     """
 
     def __init__(self, letter: str, number: int, write: Callable[[bytes], None], stopped: Callable[[], bool]) -> None:

@@ -60,10 +60,7 @@ def _request(function: int, register: int, *rest: int) -> bytes:
 def robotiq_frame(frame: bytes) -> SensorFrame:
     """Parse a frame of the stream: header, six counts, CRC.
 
-    Raises
-    ------
-    FrameError
-        If header or CRC are wrong.
+    Raise FrameError if header or CRC are wrong.
     """
     header, *counts, crc = _FRAME.unpack(frame)
     if header != _HEADER or crc != modbus_crc(frame[:-2]):

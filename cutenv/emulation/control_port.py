@@ -193,19 +193,8 @@ class ControlServer(socketserver.ThreadingTCPServer):
 class EmulatorControl:
     """Client of the control port.
 
-    Parameters
-    ----------
-    port : int
-        Port that the emulator printed when it was ready; kept as an attribute.
-    host : str
-        Address of the emulator.
-    timeout : float
-        Time allowed for each answer [s].
-
-    Raises
-    ------
-    RigError
-        From every method: if no answer arrives in time, or the emulator refuses, with its reason.
+    ``port`` is what the emulator printed when it was ready; ``timeout``: time allowed for each answer [s]. Raise
+    RigError from every method: if no answer arrives in time, or the emulator refuses, with its reason.
     """
 
     def __init__(self, port: int, *, host: str = "127.0.0.1", timeout: float = 5.0) -> None:

@@ -70,10 +70,7 @@ class InjectedFault:
     def checked(self, name: str, given: Parameters, axes: list[str]) -> Parameters:
         """Return all parameters, with defaults for those not given.
 
-        Raises
-        ------
-        ValueError, TypeError
-            For an unknown parameter or a value out of range.
+        Raise ValueError, TypeError for an unknown parameter or a value out of range.
         """
         known = [*self.parameters, *(["axis"] if self.of_axis else [])]
         if unknown := [key for key in given if key not in known]:
@@ -205,10 +202,7 @@ FAULTS: dict[str, InjectedFault] = {
 def parsed_fault(text: str, faults: Mapping[str, InjectedFault] = FAULTS) -> tuple[str, Parameters, float]:
     """Parse ``NAME@SECONDS`` or ``NAME:KEY=VALUE,KEY=VALUE@SECONDS`` into name, parameters and time [s].
 
-    Raises
-    ------
-    ValueError
-        If it has another form.
+    Raise ValueError if it has another form.
     """
     what, at, seconds = text.rpartition("@")
     name, _, listed = what.partition(":")
@@ -234,21 +228,8 @@ _KEPT_EVENTS = 10_000
 class EmulatedBench(ABC):
     """Emulated rig of any kind; :meth:`run` advances the time.
 
-    Parameters
-    ----------
-    bench : EmulatedTissue
-        Tissue under the blade.
-    force_limit : float
-        True force whose crossing is recorded as an event [N].
-
-    Attributes
-    ----------
-    stalls, worst_stall : int, float
-        Number of delays of the loop beyond :data:`STALL`, and the longest [s].
-    real_time : bool
-        True if it has priority over other processes.
-    stopped : threading.Event
-        Set it to end :meth:`run`.
+    ``force_limit``: true force whose crossing is recorded as an event [N]. ``stalls``, ``worst_stall``: number of
+    delays of the loop beyond :data:`STALL`, and the longest [s].
     """
 
     faults: ClassVar[Mapping[str, InjectedFault]]
@@ -261,9 +242,9 @@ class EmulatedBench(ABC):
     def __init__(self, bench: EmulatedTissue, force_limit: float) -> None:
         self.bench = bench
         self.lock = threading.RLock()
-        self.stopped = threading.Event()
+        self.stopped = threading.Event()  # set it to end :meth:`run`
         self.stalls, self.worst_stall = 0, 0.0
-        self.real_time = False
+        self.real_time = False  # True if it has priority over other processes
         self.force_limit = force_limit
         self.active: dict[tuple[str, str], dict[str, Any]] = {}
         self._events: deque[dict[str, Any]] = deque(maxlen=_KEPT_EVENTS)
@@ -323,10 +304,7 @@ class EmulatedBench(ABC):
     def inject(self, name: str, given: dict[str, Any]) -> dict[str, Any]:
         """Start a fault now; return its parameters.
 
-        Raises
-        ------
-        ValueError, TypeError
-            For an unknown fault or parameter, or a value out of range.
+        Raise ValueError, TypeError for an unknown fault or parameter, or a value out of range.
         """
         fault = self.faults[one_of("fault", name, self.faults)]
         parameters = fault.checked(name, given, list(self.axis_names))
@@ -346,10 +324,7 @@ class EmulatedBench(ABC):
     def clear(self, name: str | None = None) -> list[str]:
         """End one fault, or all; return their names.
 
-        Raises
-        ------
-        RigError
-            If that fault is not active.
+        Raise RigError if that fault is not active.
         """
         with self.lock:
             found = [key for key in self.active if name in (None, key[0])]

@@ -211,28 +211,16 @@ def error_register(code: int) -> int:
 class Node:
     """Emulated drive on the bus.
 
-    Parameters
-    ----------
-    axis : EmulatedAxis
-        Axis that it drives; gives node number and name.
-    send : callable
-        Puts a :class:`~cutenv.emulation.can_hub.Frame` on the bus.
-    happened : callable
-        Called for quick stops, emergencies and lost heartbeats.
-
-    Attributes
-    ----------
-    heartbeat_lost, bus_off, doubles, deaf : bool
-        Faults: no heartbeats; no frames in or out; every frame comes and goes twice; quick stops are not obeyed.
-    failure : int
-        Fault: an emergency code that keeps the drive in fault; 0: none.
+    ``send``: puts a :class:`~cutenv.emulation.can_hub.Frame` on the bus; ``happened``: called for quick stops,
+    emergencies and lost heartbeats. ``heartbeat_lost``, ``bus_off``, ``doubles``, ``deaf``: faults: no heartbeats; no
+    frames in or out; every frame comes and goes twice; quick stops are not obeyed.
     """
 
     def __init__(self, axis: EmulatedAxis, send: Callable[[Frame], None], happened: Happened) -> None:
         self.axis = axis
         self.number = axis.settings.node
         self.heartbeat_lost = self.bus_off = self.doubles = self.deaf = False
-        self.failure = 0
+        self.failure = 0  # fault: an emergency code that keeps the drive in fault; 0: none
         self._put = send
         self._happened = happened
         self.dictionary = ObjectDictionary(epos4(self.number), self._written)

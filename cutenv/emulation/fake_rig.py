@@ -227,23 +227,8 @@ class FakeSensor:
 class FakeRig:
     """Drives and sensor on a bench, with fake clock and plant.
 
-    Parameters
-    ----------
-    bench : callable
-        Makes the bench from the settings, once for every specimen.
-    settings : RigSettings, optional
-        Default: a rig whose angle is free, calibrated today.
-    follows : bool
-        True if the blade follows commands; False for a replayed cut.
-
-    Attributes
-    ----------
-    plant : RigPlant
-        Plant, still to be opened.
-    heard : callable
-        Called with every command: time [s], axis, speed [m/s or rad/s].
-    faults : Faults
-        Faults, which may be changed at any instant.
+    ``bench``: makes the bench from the settings, once for every specimen; ``settings``: default: a rig whose angle is
+    free, calibrated today; ``follows``: False for a replayed cut.
     """
 
     def __init__(
@@ -257,7 +242,7 @@ class FakeRig:
     ) -> None:
         self.settings = settings or fake_settings()
         self.clock = clock or FakeClock()
-        self.faults = Faults()
+        self.faults = Faults()  # faults, which may be changed at any instant
         self._make, self._follows = bench, follows
         self.bench = bench(self.settings)
         self.blade = FakeDrive("blade", self)
@@ -266,9 +251,11 @@ class FakeRig:
         self.across = {name: FakeDrive(name, self) for name in self._crossing}
         self.sensor = FakeSensor(self)
         axes = [axis for axis in (self.blade, self.angle, *self.across.values()) if axis is not None]
+        # plant, still to be opened
         self.plant = RigPlant(Spine(self.settings, self.clock, axes, self.sensor, follows=follows))
         if depth is not None:
             self.plant.depth = depth
+        # called with every command: time [s], axis, speed [m/s or rad/s]
         self.heard: Callable[[float, str, float], None] = lambda time, axis, speed: None
         self._listeners: dict[str, MotionListener | None] = {}
         self._sequence = 0

@@ -45,27 +45,16 @@ Found = Iterator["Contradiction"]
 
 
 class Contradiction(NamedTuple):
-    """Keys that cannot be true together.
+    """Keys that cannot be true together."""
 
-    Attributes
-    ----------
-    keys : tuple of str
-        Section and field of each key, such as ``"limits.high"``.
-    why : str
-        Consequence, and cure.
-    """
-
-    keys: tuple[str, ...]
-    why: str
+    keys: tuple[str, ...]  # section and field of each key, such as ``"limits.high"``
+    why: str  # consequence, and cure
 
 
 def refuse_contradictions(settings: RigSettings) -> None:
     """Raise an error for a rig whose keys contradict each other.
 
-    Raises
-    ------
-    ValueError
-        If keys contradict each other; names every contradiction, with keys and values as in the file.
+    Raise ValueError if keys contradict each other; names every contradiction, with keys and values as in the file.
     """
     for role, driver in driven_roles(settings).items():
         traits_of(KIND_OF_ROLE[role], driver).check(settings, role)

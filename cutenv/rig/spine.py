@@ -45,26 +45,8 @@ class Receiver(Observer, Protocol):
 class Spine:
     """Drivers of a rig, under a :class:`~cutenv.rig.safety.supervisor.Supervisor`.
 
-    Parameters
-    ----------
-    settings : RigSettings
-        Settings of the rig.
-    clock : Clock
-        Clock of the rig.
-    axes : sequence of MotionDriver
-        Drivers of the blade, first, and of angle, height and side where it has them; without one of the angle it is set
-        by hand, and angle commands are ignored.
-    sensor : ForceDriver
-        Driver of the force sensor.
-    follows : bool
-        True if the blade follows commands; False for a replayed cut only.
-
-    Attributes
-    ----------
-    supervisor : Supervisor
-        Safety monitor; it has to be released before any motion.
-    timers : list of Repeating
-        Actions that the loop repeats: the watchdog, the repeated quick stops, the look at the parent process.
+    ``axes``: drivers of the blade, first, and of angle, height and side where it has them; without one of the angle it
+    is set by hand, and angle commands are ignored; ``follows``: False for a replayed cut only.
     """
 
     gone = False
@@ -83,7 +65,9 @@ class Spine:
         self.axes, self.sensor = tuple(axes), sensor
         self._gain = settings.calibration.gain
         readings = ForceReadings(sensor.rate, sensor.rate_error, sensor.axes)
+        # safety monitor; it has to be released before any motion
         self.supervisor = Supervisor(settings, clock, self.axes, readings, follows=follows)
+        # actions that the loop repeats: the watchdog, the repeated quick stops, the look at the parent process
         self.timers: list[Repeating] = []
         self._receiver: Receiver | None = None
         self._parent = os.getppid()
@@ -92,12 +76,7 @@ class Spine:
         """Connect to drives and sensor; nothing moves.
 
         The drives come first: another program that uses the rig is noticed on their bus before its sensor is taken
-        away.
-
-        Raises
-        ------
-        RigError
-            If a device is missing or not as expected; none stays open.
+        away. Raise RigError if a device is missing or not as expected; none stays open.
         """
         self._receiver, self._parent = receiver, os.getppid()
         try:
@@ -174,10 +153,7 @@ class Spine:
     def set_zero(self) -> None:
         """Take the blade's present position, without power, as zero: it stands at the clamp.
 
-        Raises
-        ------
-        RigError
-            If its drive keeps a zero of its own, or does not take it.
+        Raise RigError if its drive keeps a zero of its own, or does not take it.
         """
         blade = self.axes[0]
         if not isinstance(blade, ZeroedByHand):
@@ -268,10 +244,7 @@ def tare_readings(rate: float) -> int:
 def mounted_spine(settings: RigSettings, clock: Clock) -> Spine:
     """Make the spine of a rig from the drivers that its file names, without connecting to it.
 
-    Raises
-    ------
-    ValueError
-        If a driver that its file names does not exist, or refuses its settings.
+    Raise ValueError if a driver that its file names does not exist, or refuses its settings.
     """
     shared = dict[Any, Any]()
 

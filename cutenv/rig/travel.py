@@ -33,14 +33,9 @@ class Travel(ABC):
     """Part of a rig that moves its blade outside a cut.
 
     The blade waits and comes to rest as the whole rig does.
-
-    Attributes
-    ----------
-    settings, clock, supervisor, owner
-        As of :class:`~cutenv.rig.plant.RigPlant`.
     """
 
-    settings: RigSettings
+    settings: RigSettings  # as of :class:`~cutenv.rig.plant.RigPlant`
     clock: Clock
     supervisor: Oversight
     owner: Owner
@@ -59,12 +54,8 @@ class Travel(ABC):
         """Move to ``position`` [m] within ``speed`` [m/s], outside a cut.
 
         It turns slowly to ``angle`` [rad]. The blade turns only on arrival, because on its way it may still be in
-        tissue.
-
-        Raises
-        ------
-        RigError, RigStopped
-            If the rig is not released, or the blade was stopped or does not arrive in time.
+        tissue. Raise RigError, RigStopped if the rig is not released, or the blade was stopped or does not arrive in
+        time.
         """
         held = self._angle_now()
         wanted = held if angle is None else angle
@@ -93,13 +84,9 @@ class Travel(ABC):
     def carry(self, axis: str, place: float, *, speed: float = RAISE_SPEED) -> None:
         """Move a cross axis to ``place`` [m] outside cuts.
 
-        It moves at no more than ``speed`` [m/s].
-
-        Raises
-        ------
-        RigError, RigStopped
-            If the rig is not released, or the blade was stopped or does not arrive in time. A blade that cannot be
-            raised, or not moved to the side, is a fault: it is stopped.
+        It moves at no more than ``speed`` [m/s]. Raise RigError, RigStopped if the rig is not released, or the blade
+        was stopped or does not arrive in time. A blade that cannot be raised, or not moved to the side, is a fault: it
+        is stopped.
         """
         fault = Cause.STUCK if axis != "height" else Cause.NOT_RAISED if place > self.height else None
         self._carry({axis: place}, speed=speed, fault=fault)

@@ -50,19 +50,9 @@ Tried = dict[str, tuple[str, list[TriedPromise]]]
 def tried_drivers(rig: str, sections: list[str] | None = None) -> Tried:
     """Try the drivers of a rig, or one driver.
 
-    Parameters
-    ----------
-    rig : str
-        A rig's TOML file, the name of an emulated one, or the name of a driver that needs no options.
-    sections : list of str, optional
-        Sections to be tried; by default the blade's axis and the sensor.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        If there is no such rig and no such driver, or the file is not valid.
-    RigError
-        If a device does not answer, or the operator does not agree.
+    ``rig`` is a rig's TOML file, the name of an emulated one, or of a driver that needs no options; ``sections`` are by
+    default the blade's axis and the sensor. Raise FileNotFoundError, ValueError if there is no such rig and no such
+    driver, or the file is not valid; RigError if a device does not answer, or the operator does not agree.
     """
     if rig == FAKE:
         raise ValueError(f"a fake rig has no drivers to try. Give {', '.join(map(repr, EMULATED))}, or a rig's file.")

@@ -57,12 +57,8 @@ class TerminalKeys:
 def terminal_keys(source: TextIO | None = None) -> Iterator[TerminalKeys]:
     """Read keys of a terminal; restore its mode at the end.
 
-    Standard input by default. Text typed before is discarded.
-
-    Raises
-    ------
-    RigError
-        If it is not a terminal, or the system has none that can be read key by key.
+    Standard input by default. Text typed before is discarded. Raise RigError if it is not a terminal, or the system has
+    none that can be read key by key.
     """
     check_terminal(source)
     import termios

@@ -51,16 +51,7 @@ _STEPS = 1000  # milli-rpm, which the axis asks its drive for
 class Transcript:
     """Listing of commands: time, axis, speed, CAN frame.
 
-    Repetitions are only counted.
-
-    Parameters
-    ----------
-    settings : RigSettings
-        Gear, lead, encoder and node of each axis.
-    start : float
-        Time shown as zero [s].
-    write : callable
-        Called with each line.
+    Repetitions are only counted. ``start``: time shown as zero [s]; ``write``: called with each line.
     """
 
     def __init__(self, settings: RigSettings, start: float, write: Callable[[str], None]) -> None:
@@ -104,18 +95,9 @@ def main(argv: Sequence[str]) -> int:
 def chosen_policy(name: str, task: str = "gentle") -> tuple[Policy, dict[str, Any]]:
     """Return a policy by name, and its environment's arguments.
 
-    Parameters
-    ----------
-    name : str
-        Name; ``MODULE:CLASS`` is a :class:`~cutenv.agents.policy.Policy` of your own, in the present folder or an
-        installed module.
-    task : str
-        Task that it is for, of :data:`cutenv.task.registry.TASKS`.
-
-    Raises
-    ------
-    ValueError, FileNotFoundError
-        If there is no such policy, or it is for another task.
+    ``MODULE:CLASS`` is a :class:`~cutenv.agents.policy.Policy` of your own, in the present folder or an installed
+    module; ``task`` is of :data:`cutenv.task.registry.TASKS`. Raise ValueError, FileNotFoundError if there is no such
+    policy, or it is for another task.
     """
     from cutenv.agents.policy import gentle_policy, named_policy
     from cutenv.agents.policy.interface import PrivilegedPolicy
@@ -260,12 +242,7 @@ def _run(arguments: argparse.Namespace) -> int:
 def rehearse(env: RigCutEnv, policy: Policy, *, seed: int) -> dict[str, Any]:
     """Cut once on a fake with the rig's settings.
 
-    A policy so compiles, or fails, before the rig moves.
-
-    Returns
-    -------
-    dict
-        The result, as of :func:`cut_and_report`.
+    A policy so compiles, or fails, before the rig moves. Return the result, as of :func:`cut_and_report`.
     """
     fake = env.rehearsal()
     try:

@@ -33,21 +33,11 @@ def setting(
 ) -> Any:
     """Declare a field that is one line of the file.
 
-    Parameters
-    ----------
-    default : object
-        Default in SI.
-    unit : str or (str, str)
-        Name in :data:`cutenv._base.unit_table.NAMED_UNITS` of the unit in the file; "1": a count, a ratio, a text. Of a
-        pair the first is for a screw, the second for a hinge.
-    meaning : str
-        Explanation for the comment above the line.
-    low, high : float, optional
-        Admissible range in SI.
-    why : str
-        Reason for the default, for the message; the meaning if it needs none.
-    example : str or (str, str)
-        Plausible value, in the file, of a key that a person has to supply and that has no default.
+    ``default``: default in SI; ``unit``: name in :data:`cutenv._base.unit_table.NAMED_UNITS` of the unit in the file;
+    "1": a count, a ratio, a text. Of a pair the first is for a screw, the second for a hinge; ``meaning``: explanation
+    for the comment above the line; ``low``, ``high``: admissible range in SI; ``why``: reason for the default, for the
+    message; the meaning if it needs none; ``example``: plausible value, in the file, of a key that a person has to
+    supply and that has no default.
     """
     units = (unit,) if isinstance(unit, str) else unit
     metadata: dict[str, Any] = {"units": units, "meaning": meaning}
@@ -396,12 +386,8 @@ class SafetyLimits:
     def lowered(self, **lower: float | None) -> SafetyLimits:
         """Return limits, some lowered; None leaves one unchanged.
 
-        A lower ``force_norm`` also lowers ``force``, which would otherwise have no effect.
-
-        Raises
-        ------
-        ValueError
-            If a value is above the present one, or out of range.
+        A lower ``force_norm`` also lowers ``force``, which would otherwise have no effect. Raise ValueError if a value
+        is above the present one, or out of range.
         """
         chosen = {name: value for name, value in lower.items() if value is not None}
         for name, value in chosen.items():
@@ -583,10 +569,7 @@ class RigSettings:
 def day_of(text: str) -> date:
     """Return the day of an ISO 8601 text, such as ``2026-03-01T14:05:00``.
 
-    Raises
-    ------
-    ValueError
-        If the text is not a date.
+    Raise ValueError if the text is not a date.
     """
     try:
         return datetime.fromisoformat(text).date()

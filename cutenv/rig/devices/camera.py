@@ -23,24 +23,14 @@ _PATIENCE = 30.0  # for the depth to be put into a record [s]
 class RigCamera:
     """Camera that measures the depth of cut.
 
-    Its process begins at once, and its messages are kept as they come.
-
-    Parameters
-    ----------
-    settings : CameraSettings
-        The camera, its calibration and the blade's mark.
-
-    Attributes
-    ----------
-    moments : list of float
-        Times of the frames since the cut began, used or not, on the machine's clock [s].
-    ended : str
-        Why the camera has ended, or "".
+    Its process begins at once, and its messages are kept as they come. ``settings``: the camera, its calibration and
+    the blade's mark.
     """
 
     def __init__(self, settings: CameraSettings) -> None:
+        # times of the frames since the cut began, used or not, on the machine's clock [s]
         self.moments: list[float] = []
-        self.ended = ""
+        self.ended = ""  # why the camera has ended, or ""
         self._answered = threading.Event()
         self._process = subprocess.Popen(
             [sys.executable, "-m", "cutenv.envs.camera_process", json.dumps(dataclasses.asdict(settings))],

@@ -28,16 +28,7 @@ class AxisDriver(ABC):
     """Axis that reports its state; a :class:`~cutenv.rig.devices.protocols.MotionDriver`.
 
     After :meth:`quick_stop` nothing that could give the device power or speed is sent until the latch is reset, because
-    on some a command would start the blade again.
-
-    Parameters
-    ----------
-    name : str
-        Name of the axis.
-    settings : Axis
-        Settings of the axis.
-    clock : Clock
-        Clock that dates reports without a time of their own.
+    on some a command would start the blade again. ``clock`` dates reports without a time of their own.
     """
 
     device: ClassVar[str]
@@ -98,13 +89,8 @@ class AxisDriver(ABC):
     def open(self, listener: MotionListener) -> None:
         """Connect, check who answers, write and verify the set-up.
 
-        Samples arrive from now on, nothing moves.
-
-        Raises
-        ------
-        RigError
-            If it is open already, bus or port is missing or taken, no device or a wrong one answers, or its set-up is
-            not that of the rig's file.
+        Samples arrive from now on, nothing moves. Raise RigError if it is open already, bus or port is missing or
+        taken, no device or a wrong one answers, or its set-up is not that of the rig's file.
         """
         if self._listener is not None:
             raise RigError(f"{self.name}: it is open already; close it first.")
@@ -138,10 +124,7 @@ class AxisDriver(ABC):
     def enable(self) -> None:
         """Switch the power on, at rest. Clears no fault: see :meth:`clear`.
 
-        Raises
-        ------
-        RigError
-            If it was stopped, is in fault, does not know where the blade is, or does not power on in time.
+        Raise RigError if it was stopped, is in fault, does not know where the blade is, or does not power on in time.
         """
         self._fresh()
         self._switch_on()
@@ -153,12 +136,8 @@ class AxisDriver(ABC):
     def command(self, speed: float) -> None:
         """Send a target speed [m/s or rad/s], without waiting.
 
-        Raises
-        ------
-        TypeError, ValueError
-            If the speed is not a number, or beyond the axis's top speed.
-        RigError
-            If the axis is not enabled, was stopped, or bus or line is broken.
+        Raise TypeError, ValueError if the speed is not a number, or beyond the axis's top speed; RigError if the axis
+        is not enabled, was stopped, or bus or line is broken.
         """
         target = self._target(speed)
         if not self._may_move or self._state is not DriveState.ENABLED:
@@ -174,11 +153,7 @@ class AxisDriver(ABC):
         """Send a quick stop at once, from any thread and state.
 
         It does not wait. With ``for_good`` no command ends the stop before rest, and the device then has no power.
-
-        Raises
-        ------
-        RigError
-            If bus or port does not take it, or the axis was never opened.
+        Raise RigError if bus or port does not take it, or the axis was never opened.
         """
         self.latch.happens(Event.STOP)
         self._may_move = False
@@ -255,18 +230,8 @@ class StreamedSensor(ABC):
     """Force sensor that streams readings, as a :class:`cutenv.rig.devices.protocols.ForceDriver`.
 
     Times of the readings are those of their arrival. A sensor that falls silent is not started again, because it may
-    have been switched off and on, which loses its zero: close, open and tare it.
-
-    Parameters
-    ----------
-    clock : Clock
-        Clock of the rig.
-    rate : float
-        Rate of the readings [Hz].
-    rate_error : float
-        Greatest relative error of that rate.
-    axes : str
-        Axes of force that it measures.
+    have been switched off and on, which loses its zero: close, open and tare it. ``rate`` is that of the readings [Hz],
+    ``rate_error`` its greatest relative error, ``axes`` are the forces that it measures.
     """
 
     name: str
@@ -313,10 +278,7 @@ class StreamedSensor(ABC):
     def open(self, listener: ForceListener) -> None:
         """Connect, start the stream, and wait for the first reading.
 
-        Raises
-        ------
-        RigError
-            If it is open already, no such sensor answers, or no reading comes in time.
+        Raise RigError if it is open already, no such sensor answers, or no reading comes in time.
         """
         if self._listener is not None:
             raise RigError(f"The {self.name} is open already: close it first.")
@@ -337,17 +299,9 @@ class StreamedSensor(ABC):
     def tare(self, samples: int = 200) -> tuple[float, float, float]:
         """Take the mean of the next ``samples`` readings as zero, torques too.
 
-        Meanwhile nothing may touch the blade.
-
-        Returns
-        -------
-        tuple of 3 float
-            Force subtracted from now on [N], relative to the sensor's own zero: two tares show its drift.
-
-        Raises
-        ------
-        RigError
-            If it is not open, or readings stop, report an error, or vary by more than 0.1 N; the zero is unchanged.
+        Meanwhile nothing may touch the blade. Return the force subtracted from now on [N], relative to the sensor's own
+        zero: two tares show its drift. Raise RigError if it is not open, or readings stop, report an error, or vary by
+        more than 0.1 N; the zero is unchanged.
         """
         mean = ReadingMean(samples)
         if self._listener is None:

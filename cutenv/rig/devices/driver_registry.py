@@ -186,32 +186,17 @@ def rig_driver(
 
 
 class RegisteredDriver(NamedTuple):
-    """One driver that a rig's file can name.
+    """One driver that a rig's file can name."""
 
-    Attributes
-    ----------
-    name : str
-        Name in the file.
-    kind : DriverKind
-        Kind.
-    origin : str
-        "cutenv", or the package that brings it.
-    target : str
-        ``module:attribute``.
-    """
-
-    name: str
+    name: str  # name in the file
     kind: DriverKind
-    origin: str
-    target: str
+    origin: str  # "cutenv", or the package that brings it
+    target: str  # ``module:attribute``
 
     def load(self) -> Callable[[Mounting], Any]:
         """Import the driver's class or function.
 
-        Raises
-        ------
-        ValueError
-            If it cannot be imported, or cannot be called.
+        Raise ValueError if it cannot be imported, or cannot be called.
         """
         try:
             made = EntryPoint(name=self.name, value=self.target, group=self.kind.group).load()
@@ -246,10 +231,7 @@ def registered_drivers(kind: DriverKind) -> dict[str, RegisteredDriver]:
 def driver_named(kind: DriverKind, name: str) -> RegisteredDriver:
     """Return a driver by its registered name or ``module:Class``.
 
-    Raises
-    ------
-    ValueError
-        If there is none of that name.
+    Raise ValueError if there is none of that name.
     """
     module, colon, attribute = name.partition(":")
     if colon and module and attribute:
@@ -267,10 +249,7 @@ def driver_named(kind: DriverKind, name: str) -> RegisteredDriver:
 def traits_of(kind: DriverKind, name: str) -> DriverTraits:
     """Return the declaration of the driver of that name; loads it.
 
-    Raises
-    ------
-    ValueError
-        If there is no such driver, or it cannot be imported.
+    Raise ValueError if there is no such driver, or it cannot be imported.
     """
     if (kind, name) == (DriverKind.CAMERA, "opencv"):
         return DriverTraits(needs=("source",))  # its own process alone loads OpenCV
@@ -287,10 +266,7 @@ def option_keys(kind: DriverKind, name: str) -> tuple[FileKey, ...]:
 def mounted(mounting: Mounting) -> Any:
     """Make the driver that the mounting's section names.
 
-    Raises
-    ------
-    ValueError
-        If there is no such driver, it cannot be imported, or it refuses its settings.
+    Raise ValueError if there is no such driver, it cannot be imported, or it refuses its settings.
     """
     kind = KIND_OF_ROLE[mounting.role]
     settings: Axis | SensorSettings | CameraSettings = mounting.settings

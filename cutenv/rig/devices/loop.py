@@ -193,15 +193,10 @@ class Attempt:
     """Call in a thread of its own, as drivers may hang.
 
     Where no thread can be started, as when the interpreter ends, it runs in the caller's.
-
-    Attributes
-    ----------
-    error : str or None
-        Text of what the call raised; None while it runs, and after it has returned.
     """
 
     def __init__(self, call: Callable[[], None], name: str) -> None:
-        self.error: str | None = None
+        self.error: str | None = None  # text of what the call raised; None while it runs, and after it has returned
         self._call, self._done = call, threading.Event()
         try:
             thread = None if sys.is_finalizing() else threading.Thread(target=self._run, name=name, daemon=True)
@@ -290,10 +285,7 @@ class Owner:
     def check(self) -> None:
         """Raise an error in a fork.
 
-        Raises
-        ------
-        RigError
-            If this is another process.
+        Raise RigError if this is another process.
         """
         if not self.here:
             raise RigError(

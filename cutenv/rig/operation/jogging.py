@@ -91,23 +91,9 @@ class KeyDecoder:
 class Jog:
     """Controller of the blade by keys, independent of terminal and rig.
 
-    Pressing any key other than the held one ends the motion at once.
-
-    Parameters
-    ----------
-    speed : float
-        Speed while a key is held [m/s], up to :data:`TOP_SPEED`.
-    turns : bool
-        True if the blade has a hinge.
-    lifts : bool
-        True if the rig has a height axis.
-    sideways : bool
-        True if it has an axis to the side.
-
-    Raises
-    ------
-    ValueError
-        If the speed is out of range.
+    Pressing any key other than the held one ends the motion at once. ``speed``: speed while a key is held [m/s], up to
+    :data:`TOP_SPEED`; ``turns``, ``lifts``, ``sideways``: True if the rig has that axis. Raise ValueError if the speed
+    is out of range.
     """
 
     def __init__(
@@ -157,23 +143,9 @@ class Keyboard(Protocol):
 def jog(plant: RigPlant, keyboard: Keyboard, controls: Jog, show: Callable[[str], None]) -> None:
     """Move a released blade by keys until they ask to quit.
 
-    The blade then rests, and the rig is locked.
-
-    Parameters
-    ----------
-    plant : RigPlant
-        Plant, prepared and released; the supervisor watches all the time.
-    keyboard : Keyboard
-        Source of the keys, read every :data:`PERIOD`.
-    controls : Jog
-        Controller that turns keys into speed and angle.
-    show : callable
-        Called with a status line several times a second.
-
-    Raises
-    ------
-    RigStopped
-        If the supervisor stops the blade.
+    The blade then rests, and the rig is locked. ``plant`` is prepared and released, the keyboard read every
+    :data:`PERIOD`, and ``show`` called with a status line several times a second. Raise RigStopped if the supervisor
+    stops the blade.
     """
     limits, clock = plant.settings.limits, plant.clock
     angle = plant.angle

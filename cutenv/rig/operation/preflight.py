@@ -136,12 +136,7 @@ def _first_way(plant: RigPlant, name: str, axis: CrossAxis) -> float:
 def _ask_direction(plant: RigPlant, name: str, axis: CrossAxis, operator: Operator) -> None:
     """Ask whether up is up, or left is left.
 
-    With a wrong ``direction`` the encoder agrees with the commands.
-
-    Raises
-    ------
-    RigError
-        If the operator does not agree.
+    With a wrong ``direction`` the encoder agrees with the commands. Raise RigError if the operator does not agree.
     """
     first, then = axis.to if _first_way(plant, name, axis) > 0.0 else axis.to[::-1]
     if not operator.confirm(f"The blade has moved by {1e3 * _NUDGE:g} mm. Did it go {first} first, and then {then}?"):
@@ -158,12 +153,8 @@ def prove(plant: RigPlant, operator: Operator, today: date) -> None:
     computer, until its drives, sensor or bus change in the file.
 
     The operator pushes the blade toward the clamp by hand, as tissue would. Then the drives are switched on at rest,
-    the operator presses the button, and every drive has to show that it has lost its power. Nothing else moves.
-
-    Raises
-    ------
-    RigError
-        If the force has the other sign or none, a drive keeps its power, or the operator does not agree.
+    the operator presses the button, and every drive has to show that it has lost its power. Nothing else moves. Raise
+    RigError if the force has the other sign or none, a drive keeps its power, or the operator does not agree.
     """
     if (note := _proof_of(plant.settings, today)) in (plant.proven, _noted(plant.note)):
         return
@@ -230,12 +221,7 @@ def _prove_sign(plant: RigPlant, operator: Operator) -> None:
 def _ask_motion(plant: RigPlant, operator: Operator) -> None:
     """Ask whether the blade has moved away first.
 
-    Neither a drive that counts its steps, nor an encoder knows that.
-
-    Raises
-    ------
-    RigError
-        If the operator does not agree.
+    Neither a drive that counts its steps, nor an encoder knows that. Raise RigError if the operator does not agree.
     """
     sent = "sent the steps for" if plant.spine.counts_steps else "turned by"
     question = f"The drive has {sent} {1e3 * _NUDGE:g} mm away from the clamp, and back. Did the blade move so?"
@@ -264,12 +250,8 @@ def _moved_and_back(plant: RigPlant, name: str, axis: CrossAxis) -> Check:
 def return_inside(plant: RigPlant) -> None:
     """Return a blade from beyond its travel, at creep speed.
 
-    The operator has agreed to that.
-
-    Raises
-    ------
-    RigError, RigStopped
-        If the rig is not ready, or the blade does anything but return.
+    The operator has agreed to that. Raise RigError, RigStopped if the rig is not ready, or the blade does anything but
+    return.
     """
     limits = plant.settings.limits
     plant.supervisor.release(returning=True)
@@ -285,12 +267,8 @@ def return_inside(plant: RigPlant) -> None:
 def relieve(plant: RigPlant) -> None:
     """Raise a blade that presses on tissue beyond the limit, at creep speed.
 
-    The operator has agreed to that. Nothing else can be commanded meanwhile, and a force that grows stops it.
-
-    Raises
-    ------
-    RigError, RigStopped
-        If the rig is not ready, or the force does not fall within some millimetres.
+    The operator has agreed to that. Nothing else can be commanded meanwhile, and a force that grows stops it. Raise
+    RigError, RigStopped if the rig is not ready, or the force does not fall within some millimetres.
     """
     start = plant.height
     plant.supervisor.release(returning=True)
@@ -307,29 +285,11 @@ def prepare(plant: RigPlant, operator: Operator, *, today: date, in_air: bool = 
     Calibration and ``armed_by``; switching on; tare and self-test at rest; the operator's typed confirmation; for a
     blade beyond an end of its travel, its slow return, if the operator agrees to that too; a millimetre to and fro. On
     a rig with axes across the cut a millimetre up and down, or to the left and right, comes first, and the operator
-    confirms that up is up, and left is left.
-
-    Parameters
-    ----------
-    plant : RigPlant
-        Rig, already open.
-    operator : Operator
-        Person who is asked to confirm.
-    today : date
-        Today's date, for the age of the calibration.
-    in_air : bool
-        True if the blade touches nothing, so that its force can be taken as zero. After a stop it may stand in tissue:
-        the old zero is then kept, because a new one would hide the force on the blade.
-
-    Returns
-    -------
-    list of Check
-        All checks; each has passed.
-
-    Raises
-    ------
-    RigError
-        If a check fails, or the operator does not agree; the drives are then without power.
+    confirms that up is up, and left is left. ``plant`` is already open; ``today`` counts for the age of the
+    calibration; ``in_air``: True if the blade touches nothing, so that its force can be taken as zero. After a stop it
+    may stand in tissue: the old zero is then kept, because a new one would hide the force on the blade. Return all
+    checks; each has passed. Raise RigError if a check fails, or the operator does not agree; the drives are then
+    without power.
     """
     checks = _passed(may_move(plant.settings, today))
     if in_air and not plant.settings.emulated:
@@ -418,18 +378,10 @@ _PER = {"low": "", "high": "", "speed": "_s", "acceleration": "_s2", "quick_stop
 
 @dataclass(frozen=True, kw_only=True)
 class Inspection:
-    """Result of an inspection.
+    """Result of an inspection."""
 
-    Attributes
-    ----------
-    checks : tuple of Check
-        Checks, in order.
-    devices : dict
-        Data that each device reports, and measurements of it; units are in the names.
-    """
-
-    checks: tuple[Check, ...]
-    devices: dict[str, dict[str, Any]]
+    checks: tuple[Check, ...]  # checks, in order
+    devices: dict[str, dict[str, Any]]  # data that each device reports, and measurements of it; units are in the names
 
     @property
     def passed(self) -> bool:
@@ -442,12 +394,8 @@ def inspect(plant: RigPlant, today: date) -> Inspection:
 
     Nothing moves, and no drive is powered.
 
-    The sensor is tared, until the connection ends: nothing may touch the blade.
-
-    Raises
-    ------
-    RigError
-        If a drive no longer answers.
+    The sensor is tared, until the connection ends: nothing may touch the blade. Raise RigError if a drive no longer
+    answers.
     """
     checks = may_move(plant.settings, today)
     try:

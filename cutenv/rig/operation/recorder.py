@@ -27,18 +27,11 @@ class Stretch:
     """Part of the experiment, from rest to rest.
 
     Times [s] on one clock, samples as they arrived.
-
-    Attributes
-    ----------
-    command_time, command : array of shape (c,)
-        Speeds [m/s] put on the bus; each holds until the next, and before the first the axis rests.
-    time, position, torque : array of shape (n,)
-        Samples of the axis's position [m], and of its motor's torque over the rated one [1].
     """
 
-    command_time: Array
+    command_time: Array  # speeds [m/s] put on the bus; each holds until the next, and before the first the axis rests
     command: Array
-    time: Array
+    time: Array  # samples of the axis's position [m], and of its motor's torque over the rated one [1]
     position: Array
     torque: Array
 
@@ -56,12 +49,7 @@ class Felt(NamedTuple):
 class Recorder:
     """Listener to an axis and a sensor, besides the supervisor.
 
-    Parameters
-    ----------
-    cut_axis : int
-        Axis of the sensor along the cut: 0, 1 or 2.
-    sign : int
-        Sign of the reading against a motion forward.
+    ``cut_axis``: axis of the sensor along the cut: 0, 1 or 2; ``sign``: sign of the reading against a motion forward.
     """
 
     def __init__(self, cut_axis: int = 0, sign: int = 1) -> None:

@@ -26,18 +26,10 @@ _STEADY = 0.05  # [1] of the step between weights, by which readings may vary: m
 
 @dataclass(frozen=True, kw_only=True)
 class Weighing:
-    """Result of a calibration by weights.
+    """Result of a calibration by weights."""
 
-    Attributes
-    ----------
-    masses : tuple of float
-        Masses, in order [kg].
-    counts, readings : tuple of float
-        Mean counts, and mean readings by the present calibration [N], for each.
-    """
-
-    masses: tuple[float, ...]
-    counts: tuple[float, ...]
+    masses: tuple[float, ...]  # masses, in order [kg]
+    counts: tuple[float, ...]  # mean counts, and mean readings by the present calibration [N], for each
     readings: tuple[float, ...]
 
     @property
@@ -84,21 +76,9 @@ class _Witness:
 def weigh(plant: RigPlant, masses: Sequence[float], operator: Operator) -> Weighing:
     """Ask for each weight, and average readings, without power or motion.
 
-    Parameters
-    ----------
-    plant : RigPlant
-        Open rig without power; its present zero does not matter.
-    masses : sequence of float
-        Masses to hang on the sensor along the cut, 0 for none [kg].
-    operator : Operator
-        Person who hangs them.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than 2 masses, or all are the same.
-    RigError
-        If the operator does not go on, readings are missing, or do not change with the weight.
+    ``plant`` is open, without power; its present zero does not matter. ``masses`` [kg] are hung on the sensor along the
+    cut, 0 for none. Raise ValueError if there are fewer than 2 masses, or all are the same; RigError if the operator
+    does not go on, readings are missing, or do not change with the weight.
     """
     checked = [in_range("masses", mass, 0.0, 50.0, "kg", "200 g is 0.2.") for mass in masses]
     if len(set(checked)) < 2:

@@ -172,12 +172,8 @@ def guarded(supervisor: Oversight) -> Iterator[None]:
 def interrupt(supervisor: Oversight, cause: Cause, detail: str, number: int = signal.SIGINT) -> None:
     """Stop the blade from a signal handler, which may have interrupted any code, even under a lock.
 
-    While the rig is released, the stop runs in a thread of its own.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        If nothing may move, so that the program ends.
+    While the rig is released, the stop runs in a thread of its own. Raise KeyboardInterrupt if nothing may move, so
+    that the program ends.
     """
     if supervisor.phase != "ready":
         raise KeyboardInterrupt(detail)

@@ -29,12 +29,8 @@ _MEMORY = 20.0  # SYNCs after which a surplus or a lack is forgotten
 class SampleRateMonitor:
     """Counter of the samples of one axis against the time.
 
-    They come once with every SYNC, not doubled by the bus or requested by another master.
-
-    Parameters
-    ----------
-    sync : float
-        Time between samples [s].
+    They come once with every SYNC, not doubled by the bus or requested by another master. ``sync`` is the time between
+    samples [s].
     """
 
     def __init__(self, sync: float) -> None:
@@ -212,12 +208,7 @@ class StopReport:
 class RigStopped(RigError):
     """Error for a blade that was stopped, and stays so until the operator resets it.
 
-    Attributes
-    ----------
-    report : StopReport
-        Cause of the stop, and how long it took.
-    readings : Records
-        Readings since the last command, until the blade was at rest.
+    ``readings`` are those since the last command, until the blade was at rest.
     """
 
     def __init__(self, report: StopReport, readings: StructArray) -> None:
@@ -243,15 +234,8 @@ class QuickStops:
 
     A single frame may be lost, or undone by another master: they are repeated until every drive is seen to obey. Each
     is sent from a thread of its own: a driver that does not return, or raises, keeps no other axis from its stop.
-
-    Parameters
-    ----------
-    axes : mapping of str to MotionDriver
-        Drivers of the axes, by name.
-    newest : mapping of str to MotionSample
-        Last sample of each axis, by name.
-    fresh : float
-        Greatest age at which a sample still shows the state of its drive [s].
+    ``axes`` and ``newest`` samples are by name; ``fresh``: greatest age at which a sample still shows the state of its
+    drive [s].
     """
 
     def __init__(self, axes: Mapping[str, MotionDriver], newest: Mapping[str, MotionSample], *, fresh: float) -> None:

@@ -39,20 +39,9 @@ class Supervisor:
     Puts a quick stop on the bus at the first breach, and keeps the rig stopped.
 
     The loop, and drivers with a thread of their own, report to it, and every command passes through it. It refuses all
-    motion until :meth:`release`; after a stop, :meth:`reset` has to come first.
-
-    Parameters
-    ----------
-    settings : RigSettings
-        Settings of the rig, with its limits.
-    clock : Clock
-        Clock of the rig.
-    axes : sequence of MotionDriver
-        Driver of the blade, and of angle, height and side where it has them.
-    readings : ForceReadings
-        Readings of the force sensor.
-    follows : bool
-        True if the blade follows commands. False for a replayed cut, for which following errors are not checked.
+    motion until :meth:`release`; after a stop, :meth:`reset` has to come first. ``axes`` are the driver of the blade,
+    and of angle, height and side where it has them; ``follows``: False for a replayed cut, for which following errors
+    are not checked.
     """
 
     def __init__(
@@ -155,17 +144,12 @@ class Supervisor:
     def drive(self, speed: float, angle: float, hold: float, **across: float) -> float:
         """Check, limit and send a command that is valid for ``hold`` [s]; return the angle to turn to [rad].
 
-        ``across`` are the speeds of the other straight axes by name [m/s]: ``height`` upwards, ``side`` to the left;
-        0 by default.  Where one to the side is limited, the speed along the cut is reduced alike, and the other way
-        round: the blade keeps its course.
-        A stop does not wait for a driver that sends a command. No command follows a quick stop, which with some drive
-        settings would start the motion again: drivers ask the latch before and after each frame, and an axis whose
-        command has met a stop is stopped once more.
-
-        Raises
-        ------
-        RigError
-            If the rig is not released, or is stopped.
+        ``across`` are the speeds of the other straight axes by name [m/s]: ``height`` upwards, ``side`` to the left; 0
+        by default. Where one to the side is limited, the speed along the cut is reduced alike, and the other way round:
+        the blade keeps its course. A stop does not wait for a driver that sends a command. No command follows a quick
+        stop, which with some drive settings would start the motion again: drivers ask the latch before and after each
+        frame, and an axis whose command has met a stop is stopped once more. Raise RigError if the rig is not released,
+        or is stopped.
         """
         wanted = {"blade": speed} | {name: across.get(name, 0.0) for name in self.settings.cross_axes}
         if self.phase is Phase.READY and not (math.isfinite(angle) and all(map(math.isfinite, wanted.values()))):
@@ -320,16 +304,9 @@ class Supervisor:
     def release(self, *, returning: bool = False) -> None:
         """Allow commands, once every signal is present and within its limits.
 
-        Parameters
-        ----------
-        returning : bool
-            True if the operator has agreed that a blade beyond an end of its travel creeps back inside, or that one
-            which presses on the tissue is raised slowly; no other motion is allowed before.
-
-        Raises
-        ------
-        RigError
-            If something is missing or wrong; the message lists all of it.
+        ``returning``: True if the operator has agreed that a blade beyond an end of its travel creeps back inside, or
+        that one which presses on the tissue is raised slowly; no other motion is allowed before. Raise RigError if
+        something is missing or wrong; the message lists all of it.
         """
         if self.phase is Phase.READY:
             return  # the last command stays under watch
@@ -378,12 +355,7 @@ class Supervisor:
     def lower(self, limits: SafetyLimits) -> None:
         """Adopt each limit that is stricter than the present one.
 
-        The others stay. For a rig that is locked.
-
-        Raises
-        ------
-        RigError
-            If the rig is released.
+        The others stay. For a rig that is locked. Raise RigError if the rig is released.
         """
         if self.phase is Phase.READY:
             raise RigError("limits are lowered between cuts, while the rig is locked.")
@@ -399,13 +371,8 @@ class Supervisor:
     def reset(self, agreed: bool) -> None:
         """Clear what is :attr:`latched`, if the operator has explicitly ``agreed``.
 
-        The drives are left without power.
-
-        Raises
-        ------
-        RigError
-            If the operator has not agreed, a drive does not leave its fault, or another stop happened meanwhile; the
-            rig is then stopped and can be reset again.
+        The drives are left without power. Raise RigError if the operator has not agreed, a drive does not leave its
+        fault, or another stop happened meanwhile; the rig is then stopped and can be reset again.
         """
         if (why := self.latched) is None:
             return

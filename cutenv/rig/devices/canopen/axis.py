@@ -31,18 +31,8 @@ class CanopenAxis(AxisDriver):
     """Maxon EPOS4, or another drive with its objects, in profile velocity mode.
 
     Positions are the drive's own: it must have been homed so that zero is the clamp. A drive found with power on is
-    switched off when it is opened; one found in fault stays in fault: see :meth:`clear`.
-
-    Parameters
-    ----------
-    network : CanNetwork
-        Network shared by the axes of a rig.
-    settings : Axis
-        Settings of this axis.
-    clock : Clock
-        Clock that dates events without a frame of their own.
-    name : str
-        "blade", "angle", "height" or "side".
+    switched off when it is opened; one found in fault stays in fault: see :meth:`clear`. ``clock`` dates events without
+    a frame of their own.
     """
 
     device, silence, report_limit = "drive", "our heartbeat ends", 0.3
@@ -67,12 +57,7 @@ class CanopenAxis(AxisDriver):
     def units(self) -> AxisUnits:
         """Conversion to the drive's units.
 
-        ``units.steps`` is 1000 for milli-rpm, 1 for whole rpm only.
-
-        Raises
-        ------
-        RigError
-            If the axis was never opened.
+        ``units.steps`` is 1000 for milli-rpm, 1 for whole rpm only. Raise RigError if the axis was never opened.
         """
         if self._units is None:
             raise RigError(f"{self.name}: the drive's units are not known before it is opened.")
@@ -120,22 +105,15 @@ class CanopenAxis(AxisDriver):
     def limits(self) -> dict[str, float]:
         """Return the drive's own travel, "speed", "acceleration" and "quick_stop".
 
-        The ends of travel are the software limits "low" and "high".
-
-        Raises
-        ------
-        RigError
-            If it is not open, or the drive does not answer.
+        The ends of travel are the software limits "low" and "high". Raise RigError if it is not open, or the drive does
+        not answer.
         """
         return configuration.read_limits(self._book, self.units)
 
     def about(self) -> dict[str, float | str]:
         """Return the drive's identity, gear, encoder, units and response time.
 
-        Raises
-        ------
-        RigError
-            If it is not open, or the drive does not answer.
+        Raise RigError if it is not open, or the drive does not answer.
         """
         asked = self._clock.now()
         word = self._book.read(o.STATUSWORD)
@@ -175,20 +153,14 @@ class CanopenAxis(AxisDriver):
     def disable(self) -> None:
         """Switch off the power of an axis at rest.
 
-        Raises
-        ------
-        RigError
-            If it does not come to rest, or does not answer.
+        Raise RigError if it does not come to rest, or does not answer.
         """
         self._power_off()
 
     def clear(self) -> None:
         """Leave quick stop or fault for rest without power, within the latch's reset.
 
-        Raises
-        ------
-        RigError
-            If the fault stays because its cause does, or the drive does not answer.
+        Raise RigError if the fault stays because its cause does, or the drive does not answer.
         """
         self._fresh()
         if self._for_good:

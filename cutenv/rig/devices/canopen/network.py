@@ -43,15 +43,8 @@ class GatewayError(OSError):
 class Socketcand:
     """One CAN bus behind a gateway.
 
-    Parameters
-    ----------
-    settings : Bus
-        Host, port and channel.
-
-    Raises
-    ------
-    GatewayError
-        If the gateway does not greet, open the bus and switch to raw frames, within :data:`PATIENCE` for each.
+    Raise GatewayError if the gateway does not greet, open the bus and switch to raw frames, within :data:`PATIENCE` for
+    each.
     """
 
     def __init__(self, settings: Bus) -> None:
@@ -79,12 +72,8 @@ class Socketcand:
 
         It is None if there is none within ``timeout`` [s].
 
-        Text that is not a message of socketcand, and messages of other kinds, are ignored.
-
-        Raises
-        ------
-        GatewayError
-            If the gateway has gone, or sends an invalid frame.
+        Text that is not a message of socketcand, and messages of other kinds, are ignored. Raise GatewayError if the
+        gateway has gone, or sends an invalid frame.
         """
         if not self._frames and self._readable(timeout):
             for message in self._more():
@@ -94,10 +83,7 @@ class Socketcand:
     def send(self, message: Any, timeout: float | None = None) -> None:
         """Put a frame on the bus.
 
-        Raises
-        ------
-        GatewayError
-            If the gateway does not accept it within ``timeout`` [s].
+        Raise GatewayError if the gateway does not accept it within ``timeout`` [s].
         """
         number = f"{message.arbitration_id:08X}" if message.is_extended_id else f"{message.arbitration_id:03X}"
         data = "".join(f" {byte:02X}" for byte in message.data)
@@ -203,16 +189,9 @@ _CURES = {
 def open_bus(settings: Bus) -> Any:
     """Open the bus.
 
-    Return python-can's object, or for a socketcand gateway one with the same methods.
-
-    Raises
-    ------
-    RigError
-        If it cannot be opened; the message says what to check.
-    ValueError
-        If the interface is not among :data:`INTERFACES`.
-    ModuleNotFoundError
-        If python-can, or pyserial for slcan, is not installed.
+    Return python-can's object, or for a socketcand gateway one with the same methods. Raise RigError if it cannot be
+    opened; the message says what to check; ValueError if the interface is not among :data:`INTERFACES`;
+    ModuleNotFoundError if python-can, or pyserial for slcan, is not installed.
     """
     one_of("interface", settings.interface, INTERFACES)
     import can
@@ -237,10 +216,7 @@ def open_bus(settings: Bus) -> Any:
 def bus_arguments(settings: Bus) -> dict[str, Any]:
     """Return the arguments of python-can's class for the interface.
 
-    Raises
-    ------
-    ValueError
-        If the channel is not valid for the interface.
+    Raise ValueError if the channel is not valid for the interface.
     """
     if settings.interface == "socketcand":
         return {"channel": settings.channel, "host": settings.host, "port": settings.port}
@@ -300,18 +276,8 @@ class CanNetwork:
 
     It breaks, once, at the first frame that cannot be sent, read or handled, or when the bus goes off. From then on
     neither SYNC nor heartbeat is sent, so that the drives stop by themselves; other frames are still attempted.
-
-    Parameters
-    ----------
-    settings : Bus
-        Interface, periods, node of this computer.
-    clock : Clock
-        Paces SYNC and heartbeat, and dates what arrives.
-
-    Raises
-    ------
-    ValueError
-        If two heartbeats do not fit into :data:`DRIVE_PATIENCE`.
+    ``clock`` paces SYNC and heartbeat, and dates what arrives. Raise ValueError if two heartbeats do not fit into
+    :data:`DRIVE_PATIENCE`.
     """
 
     def __init__(self, settings: Bus, clock: Clock) -> None:
@@ -340,10 +306,7 @@ class CanNetwork:
     def join(self, member: Member) -> None:
         """Add a member; the first opens the bus.
 
-        Raises
-        ------
-        RigError
-            If the bus cannot be opened or is broken, or another master is on it.
+        Raise RigError if the bus cannot be opened or is broken, or another master is on it.
         """
         with self._joining:
             if not self._members:
@@ -371,12 +334,8 @@ class CanNetwork:
     def send_message(self, can_id: int, data: bytes) -> None:
         """Put a frame on the bus, from any thread.
 
-        It waits only for its place in the queue. The name is the one that canopen's SDO client calls.
-
-        Raises
-        ------
-        RigError
-            If the bus does not accept it, which breaks the network.
+        It waits only for its place in the queue. The name is the one that canopen's SDO client calls. Raise RigError if
+        the bus does not accept it, which breaks the network.
         """
         bus = self._bus
         if bus is None:
@@ -418,10 +377,7 @@ class CanNetwork:
     def manage(self, command: int, node: int) -> None:
         """Send a network management command to a node.
 
-        Raises
-        ------
-        RigError
-            If the bus does not accept it.
+        Raise RigError if the bus does not accept it.
         """
         self.send_message(NMT_FRAME, bytes((command, node)))
 

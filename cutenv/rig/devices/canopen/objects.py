@@ -16,38 +16,18 @@ from cutenv.rig.devices.protocols import DriveState
 
 @dataclass(frozen=True)
 class Entry:
-    """One value in a drive's object dictionary.
+    """One value in a drive's object dictionary."""
 
-    Attributes
-    ----------
-    index, sub : int
-        Address of the value.
-    kind : str
-        Format code of :mod:`struct`, little endian; "s" for a text.
-    name : str
-        Name in the standard.
-    access : {"rw", "ro"}
-        Whether it may be written.
-    default : int or str
-        Value after power on, until another is stored.
-    low, high : int, optional
-        Limits of what may be written; None: those of the kind.
-    choices : tuple of int
-        Values that may be written; empty: all.
-    mappable : str
-        PDOs that it may be mapped to: "R" received, "T" transmitted by the drive.
-    """
-
-    index: int
+    index: int  # address of the value
     sub: int
-    kind: str
-    name: str
-    access: Literal["rw", "ro"] = "rw"
-    default: int | str = 0
-    low: int | None = None
+    kind: str  # format code of :mod:`struct`, little endian; "s" for a text
+    name: str  # name in the standard
+    access: Literal["rw", "ro"] = "rw"  # whether it may be written
+    default: int | str = 0  # value after power on, until another is stored
+    low: int | None = None  # limits of what may be written; None: those of the kind
     high: int | None = None
-    choices: tuple[int, ...] = ()
-    mappable: str = ""
+    choices: tuple[int, ...] = ()  # values that may be written; empty: all
+    mappable: str = ""  # PDOs that it may be mapped to: "R" received, "T" transmitted by the drive
 
     @property
     def bits(self) -> int:
@@ -225,10 +205,7 @@ REMOTE, VOLTAGE, INTERNAL_LIMIT = 0x0200, 0x0010, 0x0800
 def drive_state(statusword: int) -> DriveState:
     """Return the state in a statusword.
 
-    Raises
-    ------
-    ValueError
-        If the standard defines no such state.
+    Raise ValueError if the standard defines no such state.
     """
     for mask, value, state in _STATES:
         if statusword & mask == value:
@@ -308,23 +285,12 @@ _STEPS_TO_TOP = 100  # least number of velocity units up to the top speed: fewer
 class AxisUnits:
     """Conversion between an axis in SI and its drive's integers.
 
-    They count the motor's shaft. "Length" below is metres, or radians of an axis that turns.
-
-    Attributes
-    ----------
-    axis : Axis
-        Encoder, gear, lead and direction.
-    steps : int
-        Steps of the drive's velocity unit in one rpm: 1000 for milli-rpm, 1 for whole rpm.
-
-    Raises
-    ------
-    ValueError
-        If the axis exceeds what the drive can count, or the velocity unit is too coarse.
+    They count the motor's shaft. "Length" below is metres, or radians of an axis that turns. Raise ValueError if the
+    axis exceeds what the drive can count, or the velocity unit is too coarse.
     """
 
-    axis: Axis
-    steps: int
+    axis: Axis  # encoder, gear, lead and direction
+    steps: int  # steps of the drive's velocity unit in one rpm: 1000 for milli-rpm, 1 for whole rpm
 
     def __post_init__(self) -> None:
         axis = self.axis
@@ -354,10 +320,7 @@ class AxisUnits:
     def velocity(self, speed: float) -> int:
         """Return a speed [length/s] in drive units, rounded.
 
-        Raises
-        ------
-        TypeError, ValueError
-            If it is not a number, or beyond the axis's top speed.
+        Raise TypeError, ValueError if it is not a number, or beyond the axis's top speed.
         """
         top = self.axis.speed * (1.0 + 1e-9)  # a product in the caller may be off in its last digit
         in_range("speed", speed, -top, top, "m/s or rad/s", "Raise the axis's speed in the rig's file, or go slower.")

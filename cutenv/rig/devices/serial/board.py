@@ -112,15 +112,7 @@ def board_line(text: str) -> bytes:
 def board_report(line: bytes) -> Report:
     """Return what a line from the board says.
 
-    Parameters
-    ----------
-    line : bytes
-        Line without its end.
-
-    Raises
-    ------
-    LineError
-        If it is damaged, or nothing that a board of this protocol sends.
+    ``line`` is without its end. Raise LineError if it is damaged, or nothing that a board of this protocol sends.
     """
     text, star, crc = line.strip().rpartition(b"*")
     if not star or len(line) > LINE_LENGTH:
@@ -191,32 +183,15 @@ class BoardMember(Protocol):
 class SerialBoard:
     """Board with the sketch of ``assets/firmware``.
 
-    Opened by the first member that joins, closed by the last to leave.
-
-    Parameters
-    ----------
-    port : str
-        Device, such as ``/dev/serial/by-id/usb-...``.
-    baud : int
-        Baud rate of the sketch.
-    clock : Clock
-        Paces the sign of life, and dates what arrives.
-
-    Attributes
-    ----------
-    broken : str or None
-        Reason why nothing gets through; None while all is well.
-    identity : BoardIdentity or None
-        Identity of the board, once it has answered.
-    damaged : int
-        Number of lines from the board that were damaged.
+    Opened by the first member that joins, closed by the last to leave. ``port`` is such as
+    ``/dev/serial/by-id/usb-...``; ``clock`` paces the sign of life, and dates what arrives.
     """
 
     def __init__(self, port: str, baud: int, clock: Clock) -> None:
         self.port, self._baud, self._clock = port, baud, clock
-        self.broken: str | None = None
-        self.identity: BoardIdentity | None = None
-        self.damaged = 0
+        self.broken: str | None = None  # reason why nothing gets through; None while all is well
+        self.identity: BoardIdentity | None = None  # identity of the board, once it has answered
+        self.damaged = 0  # number of lines from the board that were damaged
         self.last_damaged = ""
         self._members: list[BoardMember] = []
         self._joining, self._sending = threading.Lock(), threading.Lock()
@@ -229,12 +204,8 @@ class SerialBoard:
     def join(self, member: BoardMember) -> BoardIdentity:
         """Add a member.
 
-        The first opens the port and asks who answers. Returns the board's identity.
-
-        Raises
-        ------
-        RigError
-            If the port is missing, is used by another program, or no board of this protocol answers.
+        The first opens the port and asks who answers. Returns the board's identity. Raise RigError if the port is
+        missing, is used by another program, or no board of this protocol answers.
         """
         with self._joining:
             self._members.append(member)
@@ -260,10 +231,7 @@ class SerialBoard:
     def send(self, text: str) -> None:
         """Put a line on the port, from any thread, without waiting.
 
-        Raises
-        ------
-        RigError
-            If the port does not take it, which breaks the line, or it is not open.
+        Raise RigError if the port does not take it, which breaks the line, or it is not open.
         """
         line = self._line
         if line is None:
@@ -280,10 +248,7 @@ class SerialBoard:
     def ask(self, text: str, kind: type[Any], limit: float = _ANSWER) -> Any:
         """Send a line and return the answer of that kind.
 
-        Raises
-        ------
-        RigError
-            If none comes in time.
+        Raise RigError if none comes in time.
         """
         with self._changed:
             self._answers.pop(kind, None)

@@ -60,12 +60,7 @@ class StepperOptions:
 class StepRates:
     """Conversion between metres and steps.
 
-    Parameters
-    ----------
-    axis : Axis
-        Lead and direction.
-    steps : int
-        Steps for one turn of the screw.
+    ``steps`` are those for one turn of the screw.
     """
 
     def __init__(self, axis: Axis, steps: int) -> None:
@@ -148,12 +143,8 @@ class StepperAxis(AxisDriver):
     """Stepper by step and direction, on a board with assets/firmware.
 
     Its position counts from where a person has set zero since the board has power: ``cutenv rig zero``. The board never
-    leaves a quick stop by a command of speed, so that ``for_good`` changes nothing.
-
-    Parameters
-    ----------
-    mounting : Mounting
-        Place on the rig; the board is shared with a load cell at the same port.
+    leaves a quick stop by a command of speed, so that ``for_good`` changes nothing. The board is shared with a load
+    cell at the same port.
     """
 
     device, silence, report_limit = "board", "our sign of life ends", 0.3
@@ -195,10 +186,7 @@ class StepperAxis(AxisDriver):
     def limits(self) -> dict[str, float]:
         """Return "low", "high", "speed", "acceleration" and "quick_stop" read back.
 
-        Raises
-        ------
-        RigError
-            If it is not open, or does not answer.
+        Raise RigError if it is not open, or does not answer.
         """
         kept: StepperSetup = self._board.ask("P", StepperSetup)
         low, high = sorted(map(self._rates.metres, (kept.low, kept.high)))
@@ -231,10 +219,7 @@ class StepperAxis(AxisDriver):
     def set_zero(self) -> None:
         """Take the present unpowered position, at the clamp, as zero.
 
-        Raises
-        ------
-        RigError
-            If the stepper has power, or the board does not answer.
+        Raise RigError if the stepper has power, or the board does not answer.
         """
         self._board.send("Z")
         self._await(lambda: self.zeroed and self._report.steps == 0, "set its zero: has the stepper power?")
@@ -261,10 +246,7 @@ class StepperAxis(AxisDriver):
     def disable(self) -> None:
         """Switch off the power of an axis at rest.
 
-        Raises
-        ------
-        RigError
-            If it does not come to rest, or does not answer.
+        Raise RigError if it does not come to rest, or does not answer.
         """
         self._may_move = False
         self._rested()
@@ -274,10 +256,7 @@ class StepperAxis(AxisDriver):
     def clear(self) -> None:
         """Leave quick stop or fault for rest without power, within the latch's reset.
 
-        Raises
-        ------
-        RigError
-            If the cause is still there, or the board does not answer.
+        Raise RigError if the cause is still there, or the board does not answer.
         """
         self._fresh()
         self._error = ""
@@ -391,12 +370,8 @@ def _check(rig: RigSettings, role: str) -> None:
 class LoadCell(StreamedSensor):
     """Load cell on an HX711, ADS1220 or NAU7802, on a board with assets/firmware.
 
-    It measures the force along the cut alone; the other components read 0.
-
-    Parameters
-    ----------
-    mounting : Mounting
-        Place on the rig; the board is shared with a stepper at the same port.
+    It measures the force along the cut alone; the other components read 0. The board is shared with a stepper at the
+    same port.
     """
 
     name = "load cell"
