@@ -15,6 +15,7 @@ from cutenv._base.output import atomic_write, watched
 from cutenv.commands.inputs import read_records
 from cutenv.commands.options import (
     add_layer_depth,
+    add_option,
     add_record_options,
     command_parser,
     layer_depth_given,
@@ -149,42 +150,35 @@ def _parser() -> argparse.ArgumentParser:
         "friction; several speeds, and both 90 and 45 degrees, give the modulus's dependence on them. What the\n"
         "records do not give is taken from pig liver, and the result marks it so.",
     )
+    add = parser.option
     add_record_options(parser)
-    parser.add_argument("--out", type=Path, required=True, metavar="FILE.json", help="tissue file to write")
-    parser.add_argument("--report", type=Path, metavar="FILE.html", help="validation card; its data beside it as .json")
-    parser.add_argument("--name", metavar="NAME", help="name of the tissue; default the file's")
-    parser.add_argument(
-        "--resamples",
-        type=int,
-        default=RESAMPLES,
-        metavar="N",
-        help=f"bootstrap resamples for the intervals; default {RESAMPLES}",
-    )
+    add("--out FILE.json", "tissue file to write", Path, required=True)
+    add("--report FILE.html", "validation card; its data beside it as .json", Path)
+    add("--name NAME", "name of the tissue; default the file's")
+    add("--resamples N", f"bootstrap resamples for the intervals; default {RESAMPLES}", RESAMPLES)
     add_layer_depth(parser, "searched in records of cuts in steps of depth")
-    parser.add_argument(
-        "--capsule-thickness",
-        metavar="LENGTH",
-        help="thickness of the capsule, with its unit: 0.2mm; default: nothing is said of a capsule",
+    add(
+        "--capsule-thickness LENGTH",
+        "thickness of the capsule, with its unit: 0.2mm; default: nothing is said of a capsule",
     )
-    parser.add_argument(
+    add(
         "--within-specimens",
-        action="store_true",
-        help="compare speeds and angles within specimens too, by a mixed model whose random effect is the specimen; "
+        "compare speeds and angles within specimens too, by a mixed model whose random effect is the specimen; "
         "needs cutenv[stats]",
     )
-    parser.add_argument(
+    add(
         "--blade-wear",
-        action="store_true",
-        help="tell the blade's wear from the cuts, in the order given: the rise of R with the length cut before, "
+        "tell the blade's wear from the cuts, in the order given: the rise of R with the length cut before, "
         "blade_used_m in the records' metadata, else the sum of the cuts before",
     )
     model = parser.add_argument_group("finite-element model that the moduli belong to")
-    model.add_argument("--element", default="quad8", choices=["quad4", "quad8"], help="element; default quad8")
-    model.add_argument(
+    add_option(model, "--element", "element; default quad8", "quad8", choices=["quad4", "quad8"])
+    add_option(
+        model,
         "--formulation",
-        default="plane_stress",
+        "plane model; default plane_stress",
+        "plane_stress",
         choices=["plane_stress", "plane_strain"],
-        help="plane model; default plane_stress",
     )
-    model.add_argument("--poisson", type=float, default=0.3, metavar="NU", help="Poisson's ratio; default 0.3")
+    add_option(model, "--poisson NU", "Poisson's ratio; default 0.3", 0.3)
     return parser

@@ -75,12 +75,13 @@ def _parser() -> argparse.ArgumentParser:
         note="Rows are counted from 1, without the header. The exit status is 1 if a record is not sound.\n"
         "Which faults are known, and how well they are found: page 'Faults of records'.",
     )
-    add = parser.add_argument
-    add("records", nargs="+", type=Path, metavar="FILE", help="records of force, or folders of them")
+    add = parser.option
+    add("records FILE", "records of force, or folders of them", Path, nargs="+")
     add(
-        "--map", nargs="+", metavar="FIELD=COLUMN",
-        help="which column of another program's file is what: time=t force=Fx position=x[mm]",
-    )  # fmt: skip
-    add("--unit", metavar="UNIT", help="unit of the force in such a file: N, mN, kN, gf, kgf, lbf, or 1")
-    add("--json", action="store_true", help="print everything as JSON, for programs")
+        "--map FIELD=COLUMN",
+        "which column of another program's file is what: time=t force=Fx position=x[mm]",
+        nargs="+",
+    )
+    add("--unit UNIT", "unit of the force in such a file: N, mN, kN, gf, kgf, lbf, or 1")
+    add("--json", "print everything as JSON, for programs")
     return parser

@@ -239,19 +239,17 @@ def _parser() -> argparse.ArgumentParser:
         note="Nothing is trained and nothing is downloaded. A few cuts show how an agent cuts, not how good it is: "
         "'cutenv evaluate' compares on hundreds.",
     )
-    parser.add_argument(
-        "--policy",
-        default=DEFAULT_SHIPPED,
-        metavar="POLICY",
-        help=f"shipped policy ('cutenv evaluate --list'), or folder of a trained one; default {DEFAULT_SHIPPED}",
+    add = parser.option
+    add(
+        "--policy POLICY",
+        f"shipped policy ('cutenv evaluate --list'), or folder of a trained one; default {DEFAULT_SHIPPED}",
+        DEFAULT_SHIPPED,
     )
-    parser.add_argument("--specimens", type=int, default=20, metavar="N", help="number of specimens; default 20")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the specimens; default 0")
+    add("--specimens N", "number of specimens; default 20", 20)
+    add("--seed N", "seed of the specimens; default 0", 0)
     add_specimen_class(parser, "mixed")
     add_tissue(parser)
     add_target_length(parser, "drawn from 60mm to 100mm; along an excision, its end")
-    parser.add_argument(
-        "--out", type=Path, default=Path("demo.png"), metavar="FILE", help="picture to write; default demo.png"
-    )
-    parser.add_argument("--page", type=Path, metavar="FILE", help="3-D page to write, which opens from disk")
+    add("--out FILE", "picture to write; default demo.png", Path("demo.png"))
+    add("--page FILE", "3-D page to write, which opens from disk", Path)
     return parser

@@ -88,7 +88,5 @@ def _build() -> Path | None:
 
 def _parser() -> argparse.ArgumentParser:
     parser = command_parser("docs", __doc__, examples=("", "--print-path"))
-    parser.add_argument(
-        "--print-path", action="store_true", help="print the path of the first page instead of opening it"
-    )
+    parser.option("--print-path", "print the path of the first page instead of opening it")
     return parser

@@ -177,26 +177,16 @@ def _parser() -> argparse.ArgumentParser:
             "--report runs/NAME",
         ),
     )
-    parser.add_argument(
-        "policies",
-        nargs="*",
-        metavar="POLICY",
-        help="baseline, shipped policy, folder of a run or policy, MODULE:CLASS, or all",
-    )
-    parser.add_argument("--list", action="store_true", help="print the names of baselines, scripts and shipped agents")
-    parser.add_argument(
-        "--specimen-class", choices=CLASSES, default="mixed", help="class of the specimens; default mixed"
-    )
+    add = parser.option
+    add("policies POLICY", "baseline, shipped policy, folder of a run or policy, MODULE:CLASS, or all", nargs="*")
+    add("--list", "print the names of baselines, scripts and shipped agents")
+    add("--specimen-class", "class of the specimens; default mixed", "mixed", choices=CLASSES)
     add_tissue(parser)
-    parser.add_argument("--specimens", type=int, default=200, metavar="N", help="number of specimens; default 200")
-    parser.add_argument("--validation", action="store_true", help="take validation specimens instead of test specimens")
-    parser.add_argument(
-        "--out", type=Path, metavar="FOLDER", help="write scores.csv, summary.csv and differences.csv here"
-    )
-    parser.add_argument("--processes", type=int, metavar="N", help="number of processes; default one per core")
-    parser.add_argument("--report", type=Path, metavar="RUN", help="evaluate a finished training run again, and report")
-    parser.add_argument(
-        "--baselines-of", type=Path, metavar="RUN", help="with --report: reuse the baselines of another run"
-    )
+    add("--specimens N", "number of specimens; default 200", 200)
+    add("--validation", "take validation specimens instead of test specimens")
+    add("--out FOLDER", "write scores.csv, summary.csv and differences.csv here", Path)
+    add("--processes N", "number of processes; default one per core", int)
+    add("--report RUN", "evaluate a finished training run again, and report", Path)
+    add("--baselines-of RUN", "with --report: reuse the baselines of another run", Path)
     add_question(parser, unit="specimen", smallest="0.05 of return", most=1000)
     return parser

@@ -80,29 +80,24 @@ def _parser() -> argparse.ArgumentParser:
         ),
         note="The record needs position, angle and depth of cut beside force in newtons, on the clock of the tracks.",
     )
-    parser.add_argument("tracks", type=Path, metavar="TRACKS", help="tracks of beads, a Parquet file")
+    add = parser.option
+    add("tracks TRACKS", "tracks of beads, a Parquet file", Path)
     add_record_options(
         parser, files=1, metavar="FILE", about="record of the same cut: CSV, Parquet or HDF5", option="--record"
     )
     add_cut(parser)
-    parser.add_argument(
-        "--zones", type=int, metavar="N", help="number of zones along the cut whose moduli are estimated; default none"
+    add("--zones N", "number of zones along the cut whose moduli are estimated; default none", int)
+    add("--width LENGTH", "width of the slab; default 8cm", "8cm")
+    add("--length LENGTH", "length of the slab; default 15cm", "15cm")
+    add(
+        "--offset LENGTH",
+        "distance of the cut line from the middle of the slab, towards +x, in whole centimetres; default 0",
     )
-    parser.add_argument("--width", default="8cm", metavar="LENGTH", help="width of the slab; default 8cm")
-    parser.add_argument("--length", default="15cm", metavar="LENGTH", help="length of the slab; default 15cm")
-    parser.add_argument(
-        "--offset",
-        metavar="LENGTH",
-        help="distance of the cut line from the middle of the slab, towards +x, in whole centimetres; default 0",
+    add("--thickness LENGTH", "thickness of the slab; default as deep as the cut: it is cut through")
+    add(
+        "--truth PASCALS",
+        "modulus that was put in, to be shown beside those found; default what the tracks say of it",
+        float,
     )
-    parser.add_argument(
-        "--thickness", metavar="LENGTH", help="thickness of the slab; default as deep as the cut: it is cut through"
-    )
-    parser.add_argument(
-        "--truth",
-        type=float,
-        metavar="PASCALS",
-        help="modulus that was put in, to be shown beside those found; default what the tracks say of it",
-    )
-    parser.add_argument("--out", type=Path, metavar="PAGE", help="page to write; default NAME_field.html, here")
+    add("--out PAGE", "page to write; default NAME_field.html, here", Path)
     return parser

@@ -181,52 +181,46 @@ def _parser() -> argparse.ArgumentParser:
         "F11 fills the screen, esc ends.\n"
         "Training feedback for research; not validated for assessment or credentialing of people.",
     )
+    add = parser.option
     add_task(parser, "played", "; a blade that also moves up and down is led by the wheel")
-    parser.add_argument(
-        "--line", choices=(*KINDS, "mixed"), help="drawn line to cut along; default mixed, which is any of them"
-    )
-    parser.add_argument(
-        "--policy", metavar="POLICY",
-        help="share the cut with an agent, named as for 'cutenv evaluate': it cuts, and you lead while you hold space, "
+    add("--line", "drawn line to cut along; default mixed, which is any of them", choices=(*KINDS, "mixed"))
+    add(
+        "--policy POLICY",
+        "share the cut with an agent, named as for 'cutenv evaluate': it cuts, and you lead while you hold space, "
         "an arrow key, the mouse button, or the first button of a handle or gamepad",
-    )  # fmt: skip
+    )
     add_specimen_class(parser, _DEFAULT_CLASS)
     parser.set_defaults(specimen_class=None)  # so that it is known whether it was given
     add_tissue(parser)
     add_target_length(parser, "drawn from 60mm to 100mm")
-    parser.add_argument(
-        "--course",
-        metavar="COURSE",
-        help="file of a course, or the name of one that comes with cutenv (first, force-shown, depth, path): goes on "
+    add(
+        "--course COURSE",
+        "file of a course, or the name of one that comes with cutenv (first, force-shown, depth, path): goes on "
         "with the operator's next task, as the records in --out tell",
     )
-    parser.add_argument("--operator", metavar="CODE", help="anonymous code in the records, such as P07")
-    parser.add_argument(
-        "--seed", type=int, metavar="N", help="seed of the specimens, for the same ones again; default a new one"
-    )
-    parser.add_argument("--practice", action="store_true", help="show what is hidden; the records are marked so")
-    parser.add_argument("--cuts", type=int, metavar="N", help="number of cuts after which to end; default no end")
-    parser.add_argument(
-        "--out", type=Path, default=Path("cuts"), metavar="FOLDER", help="folder of the records; default cuts"
-    )
-    parser.add_argument(
+    add("--operator CODE", "anonymous code in the records, such as P07")
+    add("--seed N", "seed of the specimens, for the same ones again; default a new one", int)
+    add("--practice", "show what is hidden; the records are marked so")
+    add("--cuts N", "number of cuts after which to end; default no end", int)
+    add("--out FOLDER", "folder of the records; default cuts", Path("cuts"))
+    add(
         "--scripted",
-        action="store_true",
-        help="let a simple script move the hand (one cut unless --cuts), as fast as it can be drawn; with "
+        "let a simple script move the hand (one cut unless --cuts), as fast as it can be drawn; with "
         "SDL_VIDEODRIVER=dummy it needs no display",
     )
-    add = parser.add_argument
     add(
-        "--device", choices=("mouse", "inverse3", "force-dimension", _EMULATED), default="mouse",
-        help="device in the hand: mouse or gamepad (the default), a Haply Inverse3, one of Force Dimension, or an "
+        "--device",
+        "device in the hand: mouse or gamepad (the default), a Haply Inverse3, one of Force Dimension, or an "
         "emulated Inverse3 whose hand cuts by itself",
-    )  # fmt: skip
-    add("--device-url", metavar="URL", help="address of Haply's Inverse Service; default ws://localhost:10001")
+        "mouse",
+        choices=("mouse", "inverse3", "force-dimension", _EMULATED),
+    )
+    add("--device-url URL", "address of Haply's Inverse Service; default ws://localhost:10001")
     add(
-        "--axes", metavar="ALONG,LEAN,UP",
-        help="axes of a haptic device along the cut, for leaning the blade, and upwards, such as --axes=-y,x,z; a "
+        "--axes ALONG,LEAN,UP",
+        "axes of a haptic device along the cut, for leaning the blade, and upwards, such as --axes=-y,x,z; a "
         "minus turns one round; default x,y,z, of Force Dimension y,x,z",
-    )  # fmt: skip
+    )
     add_lsl(parser)
-    parser.add_argument("--picture", type=Path, metavar="FILE", help="PNG of the last picture to write")
+    add("--picture FILE", "PNG of the last picture to write", Path)
     return parser

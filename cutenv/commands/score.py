@@ -160,20 +160,18 @@ def _parser() -> argparse.ArgumentParser:
         ),
         note="Training feedback for research; not validated for assessment or credentialing of people.",
     )
+    add = parser.option
     add_record_options(parser, files="*")
-    parser.add_argument("--example", action="store_true", help="write the record of a simulated cut and score it")
+    add("--example", "write the record of a simulated cut and score it")
     add_target_length(parser, "the record's own, which always holds")
     add_depth_options(parser)
     add_line(parser, "of records with the places of the blade", "the record's own")
-    parser.add_argument(
-        "--reference",
-        default="baselines",
-        metavar="SET",
-        help="cuts that percentiles compare with: baselines (default), force-alone, none, a file of ReferenceSet.save, "
+    add(
+        "--reference SET",
+        "cuts that percentiles compare with: baselines (default), force-alone, none, a file of ReferenceSet.save, "
         "or a folder of your people's records",
+        "baselines",
     )
-    parser.add_argument(
-        "--out", type=Path, default=Path(), metavar="FOLDER", help="folder of pages and tables; default here"
-    )
+    add("--out FOLDER", "folder of pages and tables; default here", Path())
     add_language(parser)
     return parser

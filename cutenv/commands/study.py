@@ -146,32 +146,26 @@ def _parser() -> argparse.ArgumentParser:
         ),
         note="Training feedback for research; not validated for assessment or credentialing of people.",
     )
+    add = parser.option
     add_study_options(parser, columns="group, session, order")
-    parser.add_argument("--out", type=Path, metavar="FILE.html", help="page to write; every card beside it as .csv")
-    parser.add_argument(
-        "--sheets",
-        type=Path,
-        metavar="FOLDER",
-        help="folder for a page to print for each person, with history and what to try next, and for the class list",
+    add("--out FILE.html", "page to write; every card beside it as .csv", Path)
+    add(
+        "--sheets FOLDER",
+        "folder for a page to print for each person, with history and what to try next, and for the class list",
+        Path,
     )
-    parser.add_argument(
-        "--mark", type=float, metavar="SCORE", help="pass mark of the overall score, for the sheets and the class list"
-    )
-    parser.add_argument(
-        "--metric",
+    add("--mark SCORE", "pass mark of the overall score, for the sheets and the class list", float)
+    add(
+        "--metric NAME",
+        "overall_score or the name of a metric; give it again for more; default the score and its leading metrics",
         action="append",
-        metavar="NAME",
-        help="overall_score or the name of a metric; give it again for more; default the score and its leading metrics",
     )
-    parser.add_argument("--groups", nargs=2, metavar="NAME", help="two groups to compare, if there are more than two")
-    parser.add_argument(
-        "--criterion-group", metavar="NAME", help="group whose mean is the target value of the learning curves"
-    )
-    parser.add_argument(
-        "--criterion",
-        type=float,
-        metavar="VALUE",
-        help="target value of the learning curves itself, in the unit in which the one --metric is shown: mm, N, s",
+    add("--groups NAME", "two groups to compare, if there are more than two", nargs=2)
+    add("--criterion-group NAME", "group whose mean is the target value of the learning curves")
+    add(
+        "--criterion VALUE",
+        "target value of the learning curves itself, in the unit in which the one --metric is shown: mm, N, s",
+        float,
     )
     add_question(parser, unit="cut or person", smallest=f"{_SMALLEST:g} points", most=10_000)
     return parser

@@ -202,8 +202,6 @@ def _parser(learner: str = "ppo") -> argparse.ArgumentParser:
     """Return the parser of the options of one learner."""
     about = f"{__doc__}\nThe options below are those of --learner {learner}; each learner's --help lists its own."
     parser = command_parser("train", about, examples=_EXAMPLES[learner], note=_NOTES.get(learner, ""))
-    parser.add_argument(
-        "--learner", choices=LEARNERS, default=learner, help="learner to train; default ppo, or that of a resumed run"
-    )
+    parser.option("--learner", "learner to train; default ppo, or that of a resumed run", learner, choices=LEARNERS)
     add_run_options(parser, LEARNERS[learner][1])
     return parser

@@ -67,15 +67,12 @@ def _parser() -> argparse.ArgumentParser:
         note="A record needs position and depth of cut beside force in newtons; without angle the blade is upright.\n"
         "A record with the places of the blade is shown as the slab at its end.",
     )
+    add = parser.option
     add_record_options(parser, files=1, about="record of cuts: CSV, Parquet or HDF5")
     add_cut(parser)
     add_target_length(parser, "the record's own")
     add_line(parser, "of records with the places of the blade", "the record's own")
-    parser.add_argument(
-        "--colour",
-        choices=COLOURINGS,
-        help=f"what the tissue's colour shows; default {COLOURINGS[0]}",
-    )
-    parser.add_argument("--out", type=Path, metavar="PAGE", help="page to write; default NAME_view.html, here")
-    parser.add_argument("--open", action="store_true", help="open the page in the browser")
+    add("--colour", f"what the tissue's colour shows; default {COLOURINGS[0]}", choices=COLOURINGS)
+    add("--out PAGE", "page to write; default NAME_view.html, here", Path)
+    add("--open", "open the page in the browser")
     return parser

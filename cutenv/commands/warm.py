@@ -161,6 +161,7 @@ def _compiled_apart(name: str) -> str | None:
 
 def _parser() -> argparse.ArgumentParser:
     parser = command_parser("warm", __doc__, examples=("", "--task gentle --task excision", "--remove"))
-    parser.add_argument("--task", choices=parts(), action="append", help="compile this alone; may be given again")
-    parser.add_argument("--remove", action="store_true", help="delete what was compiled, as before 'pip uninstall'")
+    add = parser.option
+    add("--task", "compile this alone; may be given again", choices=parts(), action="append")
+    add("--remove", "delete what was compiled, as before 'pip uninstall'")
     return parser

@@ -145,9 +145,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = command_parser(
         "rig conform", __doc__, examples=("serial", "my_rig.toml --section sensor", "my_package.stage:Stage")
     )
-    parser.add_argument("rig", metavar="RIG", help=f"{RIG}; or a driver that needs no options, such as module:Class")
-    parser.add_argument(
-        "--section", action="append", choices=SECTIONS_TRIED, help="section whose driver is tried; may be given again"
-    )
-    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    add = parser.option
+    add("rig RIG", f"{RIG}; or a driver that needs no options, such as module:Class")
+    add("--section", "section whose driver is tried; may be given again", action="append", choices=SECTIONS_TRIED)
+    add("--json", "print the result as JSON")
     return parser

@@ -17,6 +17,7 @@ from cutenv._base.output import progress_bar
 from cutenv._base.validation import nearest_choices
 from cutenv.commands.options import (
     RIG,
+    add_option,
     add_question,
     add_specimen_class,
     add_target_length,
@@ -285,40 +286,49 @@ def _parser() -> argparse.ArgumentParser:
         ),
         note="Exit status: 0 where both agree or more specimens are needed, 1 where they differ, 2 for an error.",
     )
-    add = parser.add_argument
-    add("policies", nargs="*", metavar="POLICY", help="with --until decided: the two policies to compare on the rig")
-    add("--policy", metavar="POLICY", help="policy to compare with itself in the simulator: name of a script or of a "
-        "shipped policy, or folder of a trained policy")  # fmt: skip
-    add("--rig", required=True, metavar="RIG", help=RIG)
+    add = parser.option
+    add("policies POLICY", "with --until decided: the two policies to compare on the rig", nargs="*")
+    add(
+        "--policy POLICY",
+        "policy to compare with itself in the simulator: name of a script or of a "
+        "shipped policy, or folder of a trained policy",
+    )
+    add("--rig RIG", RIG, required=True)
     add_task(parser, "rig")
-    add("--specimens", type=int, default=20, metavar="N", help="number of specimens, 6 or more; default 20")
+    add("--specimens N", "number of specimens, 6 or more; default 20", 20)
     add_specimen_class(parser, "mixed")
     add_target_length(parser, "drawn from 60mm to 100mm")
-    add("--tissue", type=Path, metavar="FILE", help="tissue that specimens are drawn from; default measured pig liver")
-    add("--specimen", type=Path, metavar="FILE", help="specimen whose tissue is known, as JSON, of which every cut is "
-        "made: blocks from one mould; a gain of the force then shows")  # fmt: skip
-    add("--unknown", action="store_true", help="treat the specimens of an emulated or fake rig as a lab's, which are "
-        "known by their records alone")  # fmt: skip
-    add("--seed", type=int, default=0, metavar="N", help="seed of the specimens; default 0")
-    add("--draws", type=int, default=DRAWS, metavar="N",
-        help=f"simulated cuts of every specimen, each with other noise; default {DRAWS}")  # fmt: skip
+    add("--tissue FILE", "tissue that specimens are drawn from; default measured pig liver", Path)
     add(
-        "--change", action="append", default=[], metavar="NAME=NUMBER",
-        help="replace a constant of an emulated or fake rig, in SI, to see whether it shows: force_delay=0.04",
-    )  # fmt: skip
-    add("--out", type=Path, metavar="FOLDER", help=f"folder of {_PAGE} and the records of all cuts")
-    add("--json", type=Path, metavar="FILE", help="file for every number that was found")
+        "--specimen FILE",
+        "specimen whose tissue is known, as JSON, of which every cut is "
+        "made: blocks from one mould; a gain of the force then shows",
+        Path,
+    )
+    add(
+        "--unknown", "treat the specimens of an emulated or fake rig as a lab's, which are known by their records alone"
+    )
+    add("--seed N", "seed of the specimens; default 0", 0)
+    add("--draws N", f"simulated cuts of every specimen, each with other noise; default {DRAWS}", DRAWS)
+    add(
+        "--change NAME=NUMBER",
+        "replace a constant of an emulated or fake rig, in SI, to see whether it shows: force_delay=0.04",
+        action="append",
+        default=[],
+    )
+    add("--out FOLDER", f"folder of {_PAGE} and the records of all cuts", Path)
+    add("--json FILE", "file for every number that was found", Path)
     add_question(parser, unit="pair of cuts", smallest=f"{SMALLEST_RETURN:g} of return", most=400)
     add_opening(parser)
-    add(
-        "--missing", metavar="REASON", help="the pair with one cut alone cannot be completed: leave it out, and say why"
-    )
+    add("--missing REASON", "the pair with one cut alone cannot be completed: leave it out, and say why")
     return parser
 
 
 def add_opening(parser: argparse.ArgumentParser) -> None:
     """Add ``--opening``, the length of the measured opening."""
-    parser.add_argument(
-        "--opening", metavar="LENGTH", help="let both policies take over after the same slow feed of this length, such "
+    add_option(
+        parser,
+        "--opening LENGTH",
+        "let both policies take over after the same slow feed of this length, such "
         "as 25mm, by which twins of both places correct their difference; with --unknown on an emulated or fake rig",
-    )  # fmt: skip
+    )

@@ -335,26 +335,32 @@ def _parser() -> argparse.ArgumentParser:
         note="Limits given here may only be lower than those of the rig's file. A rig that moves needs the file's\n"
         "armed_by, a valid calibration, and the operator's typed word.",
     )
-    add = parser.add_argument
-    add("--policy", required=True, metavar="POLICY", help="name of a script or of a shipped policy, folder of a "
-        "trained policy, or MODULE:CLASS of your own")  # fmt: skip
-    add("--rig", required=True, metavar="RIG", help=RIG)
+    add = parser.option
+    add(
+        "--policy POLICY",
+        "name of a script or of a shipped policy, folder of a trained policy, or MODULE:CLASS of your own",
+        required=True,
+    )
+    add("--rig RIG", RIG, required=True)
     add_task(parser, "rig")
     add_line(parser, "of a task along one: a kind that is drawn, arc, s, excision, random; or", "any that is drawn")
-    add("--cuts", type=int, default=1, metavar="N", help="number of cuts, one after the other; default 1")
-    add("--seed", type=int, default=0, metavar="N", help="seed of target lengths and of drawn specimens; default 0")
+    add("--cuts N", "number of cuts, one after the other; default 1", 1)
+    add("--seed N", "seed of target lengths and of drawn specimens; default 0", 0)
     add_target_length(parser, "drawn from 60mm to 100mm")
     add_specimen_class(parser, "mixed")
-    add("--tissue", type=Path, metavar="FILE", help="tissue that the rig expects to cut; default measured pig liver")
-    add("--out", type=Path, default=Path("cuts"), metavar="FOLDER", help="folder of the records; default cuts")
-    add("--json", type=Path, metavar="FILE", help="file that gets a line of JSON for every cut, at its end")
-    add("--force-limit-N", type=float, metavar="N", help="limit of each axis of the force [N]")
-    add("--speed-limit-cm-s", type=float, metavar="CM_S", help="limit of the blade's speed [cm/s]")
-    add("--travel-limit-mm", type=float, metavar="MM", help="limit of the blade's travel from the clamp [mm]")
+    add("--tissue FILE", "tissue that the rig expects to cut; default measured pig liver", Path)
+    add("--out FOLDER", "folder of the records; default cuts", Path("cuts"))
+    add("--json FILE", "file that gets a line of JSON for every cut, at its end", Path)
+    add("--force-limit-N N", "limit of each axis of the force [N]", float)
+    add("--speed-limit-cm-s CM_S", "limit of the blade's speed [cm/s]", float)
+    add("--travel-limit-mm MM", "limit of the blade's travel from the clamp [mm]", float)
     add_lsl(parser)
     add_watch(parser, "publish force, position and stops on this machine, for 'cutenv serve FOLDER --watch'")
     add(
-        "--dry-run", type=float, nargs="?", const=2.0, metavar="SECONDS",
-        help="connect to nothing; print every frame that would command a drive in the first seconds (default 2)",
-    )  # fmt: skip
+        "--dry-run SECONDS",
+        "connect to nothing; print every frame that would command a drive in the first seconds (default 2)",
+        float,
+        nargs="?",
+        const=2.0,
+    )
     return parser

@@ -135,20 +135,24 @@ def _parser() -> argparse.ArgumentParser:
             "cut.csv --speed-cm-s 1.27 --picture speed.png",
         ),
     )
+    add = parser.option
     add_record_options(parser, files=1, metavar="SOURCE", about='"simulator", "emulator", "fake", or a record of a cut')
     add_cut(parser)
-    parser.add_argument(
-        "--speed-cm-s", type=float, metavar="SPEED", help=f"desired speed [cm/s]; default {_USUAL:g}, of a record none"
+    add("--speed-cm-s SPEED", f"desired speed [cm/s]; default {_USUAL:g}, of a record none", float)
+    add(
+        "--drive",
+        "drive of the simulator or rig: rig (velocity loop), pd (PD control of position), hand; default rig",
+        "rig",
+        choices=tuple(DRIVES),
     )
-    parser.add_argument(
-        "--drive", choices=tuple(DRIVES), default="rig",
-        help="drive of the simulator or rig: rig (velocity loop), pd (PD control of position), hand; default rig",
-    )  # fmt: skip
-    parser.add_argument(
-        "--set", dest="gain", action="append", default=[], metavar="NAME=NUMBER",
-        help="constant of drive, sensor or law by its name in the table of constants, SI; may be given again",
-    )  # fmt: skip
+    add(
+        "--set NAME=NUMBER",
+        "constant of drive, sensor or law by its name in the table of constants, SI; may be given again",
+        dest="gain",
+        action="append",
+        default=[],
+    )
     add_specimen_class(parser, "liver")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the specimen; default 0")
-    parser.add_argument("--picture", type=Path, metavar="FILE.png", help="picture to draw")
+    add("--seed N", "seed of the specimen; default 0", 0)
+    add("--picture FILE.png", "picture to draw", Path)
     return parser
