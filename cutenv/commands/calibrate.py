@@ -89,10 +89,7 @@ def summary(tissue: TissueDescription) -> str:
 
 
 def settings_table(cuts: Sequence[MeasuredCut]) -> str:
-    """Return modulus and resistance relative to the reference setting, as text.
-
-    The ratios are within specimens.
-    """
+    """Return modulus and resistance relative to the reference setting, as text. The ratios are within specimens."""
     lines = []
     for found in compare_settings(cuts):
         lines.append(
@@ -110,10 +107,7 @@ def settings_table(cuts: Sequence[MeasuredCut]) -> str:
 
 
 def differences_in_handling(traces: Sequence[Trace]) -> list[str]:
-    """Return notes on differences in tissue handling.
-
-    Raise ValueError if a record's handling is not valid.
-    """
+    """Return notes on differences in tissue handling; raise ValueError if a record's handling is not valid."""
     handled = [Provenance.from_metadata(trace.metadata).handling or TissueHandling() for trace in traces]
     notes = []
     for part in dataclasses.fields(TissueHandling):

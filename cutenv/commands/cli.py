@@ -24,10 +24,7 @@ from cutenv._base.resources import described_version
 
 @dataclass(frozen=True)
 class Command:
-    """Command, run by ``main(argv)`` of the module named after it.
-
-    With parts it has sub-commands instead.
-    """
+    """Command, run by ``main(argv)`` of the module named after it. With parts it has sub-commands instead."""
 
     summary: str
     """A line of help."""

@@ -137,10 +137,7 @@ def run_summary(found: RunsAndDrops) -> str:
 
 
 def _record(path: Path) -> Trace:
-    """Return the one cut of a record.
-
-    Raise ValueError if it holds several, or is bad.
-    """
+    """Return the one cut of a record; raise ValueError if it holds several, or is bad."""
     from cutenv.records import read_record
 
     imported = read_record(path)

@@ -31,10 +31,7 @@ _MOST_NOTES = 3  # notes on an option without effect, a line for each record; of
 
 
 class Source(NamedTuple):
-    """Source of a cut: file, and number from 1.
-
-    The number is None if the cut is the only one.
-    """
+    """Source of a cut: file, and number from 1. The number is None if the cut is the only one."""
 
     path: Path
     number: int | None
@@ -163,10 +160,7 @@ def record_files(arguments: argparse.Namespace) -> list[Path]:
 
 
 def _is_record(path: Path, *, mapped: bool) -> bool:
-    """Return whether a path's name is that of a record.
-
-    Files of other programs count only if ``mapped``.
-    """
+    """Return whether a path's name is that of a record. Files of other programs count only if ``mapped``."""
     suffix = Path(path.stem).suffix if mapped and path.suffix.lower() == PACKED else path.suffix
     known = (*SUFFIXES, *MAPPED_SUFFIXES) if mapped else SUFFIXES
     return suffix.lower() in known if path.is_file() else is_record_folder(path)
@@ -195,10 +189,7 @@ def targets(traces: list[Trace], given: float | None) -> tuple[list[float | None
 
 
 def given_mapping(arguments: argparse.Namespace) -> ColumnMap | None:
-    """Return the mapping of ``--map`` and ``--unit``, or None.
-
-    ValueError for ``--unit`` alone.
-    """
+    """Return the mapping of ``--map`` and ``--unit``, or None. ValueError for ``--unit`` alone."""
     if arguments.map is None:
         if arguments.unit is not None:
             raise ValueError("--unit goes with --map: cutenv's own files have their units in the header.")

@@ -338,10 +338,7 @@ def drawn_given(arguments: argparse.Namespace) -> dict[str, str]:
 
 
 def add_task(parser: argparse.ArgumentParser, part: str, more: str = "", *, several: bool = False) -> None:
-    """Add ``--task`` for tasks with a part in the registry.
-
-    The help ends with ``more``.
-    """
+    """Add ``--task`` for tasks with a part in the registry. The help ends with ``more``."""
     from cutenv.task.registry import tasks_in_words, tasks_with
 
     names = tasks_with(part)
@@ -431,10 +428,7 @@ def add_question(parser: argparse.ArgumentParser, *, unit: str, smallest: str, m
 
 
 def question_given(arguments: argparse.Namespace, *, smallest: float, reach: float = 1.0) -> SequentialQuestion:
-    """Return what the options of :func:`add_question` ask.
-
-    Raise ValueError if a number is out of range.
-    """
+    """Return what the options of :func:`add_question` ask; raise ValueError if a number is out of range."""
     from cutenv.records.scoring.study.sequential import SequentialQuestion
 
     given = smallest if arguments.smallest is None else arguments.smallest

@@ -256,10 +256,7 @@ class NidaqmxBoard:
 
 
 class EmulatedBoard:
-    """Board of the emulated rig, in its process, over TCP.
-
-    ``host`` and ``port`` are those of the emulated rig.
-    """
+    """Board of the emulated rig, in its process, over TCP. ``host`` and ``port`` are those of the emulated rig."""
 
     def __init__(self, host: str, port: int) -> None:
         self._address = (host, port)

@@ -1,7 +1,4 @@
-"""Six-axis force sensor on a serial port.
-
-Frames by header and CRC, in step; order of readings, tare.
-"""
+"""Six-axis force sensor on a serial port. Frames by header and CRC, in step; order of readings, tare."""
 
 from __future__ import annotations
 
@@ -37,17 +34,11 @@ def crc16(data: bytes, table: tuple[int, ...]) -> int:
 
 
 class FrameError(ValueError):
-    """Error for bytes that are no sound frame.
-
-    The message names the fault.
-    """
+    """Error for bytes that are no sound frame. The message names the fault."""
 
 
 class SensorFrame(NamedTuple):
-    """Reading in a frame.
-
-    Six counts, status (0: healthy), and the sensor's own time [us], -1 where it sends none.
-    """
+    """Reading in a frame. Six counts, status (0: healthy), and the sensor's own time [us], -1 where it sends none."""
 
     counts: tuple[int, int, int, int, int, int]
     status: int
@@ -55,10 +46,7 @@ class SensorFrame(NamedTuple):
 
 
 class FrameFormat(NamedTuple):
-    """Format of frames.
-
-    First bytes, size, and the function that parses a frame or raises :class:`FrameError`.
-    """
+    """Format of frames. First bytes, size, and the function that parses a frame or raises :class:`FrameError`."""
 
     header: bytes
     size: int
@@ -119,10 +107,7 @@ _STAMPS = 2**32  # times of a sensor are counted modulo this [us]
 
 
 class FramedProtocol(Protocol):
-    """Protocol of one maker's sensor.
-
-    Its frames, and how their stream begins and ends.
-    """
+    """Protocol of one maker's sensor. Its frames, and how their stream begins and ends."""
 
     name: str
     """Name of the sensor, for messages."""
@@ -154,10 +139,7 @@ class FramedProtocol(Protocol):
 
 
 class SensorLine:
-    """Open port of a sensor, for requests before the stream.
-
-    ``port`` is such as ``/dev/serial/by-id/usb-...``.
-    """
+    """Open port of a sensor, for requests before the stream. ``port`` is such as ``/dev/serial/by-id/usb-...``."""
 
     def __init__(self, port: str, baud: int, clock: Clock) -> None:
         self.port, self._clock = port, clock

@@ -190,10 +190,7 @@ class GrblConnection:
         self._reader.start()
 
     def write(self, data: bytes) -> None:
-        """Send bytes at once.
-
-        Raise RigError if the port does not take them.
-        """
+        """Send bytes at once; raise RigError if the port does not take them."""
         if self.lost is not None:
             raise RigError(f"the machine at {self._name} is lost: {self.lost}.")
         with self._sending:
@@ -418,20 +415,14 @@ class GrblAxis(AxisDriver):
         self._reset_at = self._clock.now() + self._settings.speed / self._settings.acceleration + _DEAF
 
     def disable(self) -> None:
-        """Send no more jogs; the axis is at rest then.
-
-        Raise RigError if it does not come to rest.
-        """
+        """Send no more jogs; the axis is at rest then; raise RigError if it does not come to rest."""
         self._jogs.aim(0.0)
         self._rested()
         if self._state is DriveState.ENABLED:
             self._state = DriveState.DISABLED
 
     def clear(self) -> None:
-        """Leave stop or alarm for rest, within the latch's reset.
-
-        Raise RigError if the cause is still there.
-        """
+        """Leave stop or alarm for rest, within the latch's reset; raise RigError if the cause is still there."""
         self._jogs.aim(0.0)
         self._write(JOG_CANCEL)
         self._rested()

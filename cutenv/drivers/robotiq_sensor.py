@@ -58,10 +58,7 @@ def _request(function: int, register: int, *rest: int) -> bytes:
 
 
 def robotiq_frame(frame: bytes) -> SensorFrame:
-    """Parse a frame of the stream: header, six counts, CRC.
-
-    Raise FrameError if header or CRC are wrong.
-    """
+    """Parse a frame of the stream: header, six counts, CRC; raise FrameError if header or CRC are wrong."""
     header, *counts, crc = _FRAME.unpack(frame)
     if header != _HEADER or crc != modbus_crc(frame[:-2]):
         raise FrameError(f"a damaged frame: {frame.hex(' ')}")

@@ -1,7 +1,4 @@
-"""Profile of a slow rig.
-
-A stepper and a load cell on a board, with limits that fit its sensor and its speed.
-"""
+"""Profile of a slow rig. A stepper and a load cell on a board, with limits that fit its sensor and its speed."""
 
 from __future__ import annotations
 

@@ -40,10 +40,7 @@ class BadMessage(ValueError):
 
 
 def parsed_send(content: str) -> Frame:
-    """Parse ``send ID LENGTH BYTES`` into a frame.
-
-    Raise BadMessage if the text is anything else.
-    """
+    """Parse ``send ID LENGTH BYTES`` into a frame; raise BadMessage if the text is anything else."""
     words = content.split()
     if len(words) < 3 or words[0] != "send" or not _IDENTIFIER.match(words[1]):
         raise BadMessage(f"{content!r} is not 'send ID LENGTH BYTES' with an ID of 3 or 8 hexadecimal digits")

@@ -1,7 +1,4 @@
-"""Base of every emulated rig.
-
-Its loop of a millisecond at a time, events, and faults by name and parameters.
-"""
+"""Base of every emulated rig. Its loop of a millisecond at a time, events, and faults by name and parameters."""
 
 from __future__ import annotations
 
@@ -322,10 +319,7 @@ class EmulatedBench(ABC):
         self._planned.sort(key=lambda planned: planned[0])
 
     def clear(self, name: str | None = None) -> list[str]:
-        """End one fault, or all; return their names.
-
-        Raise RigError if that fault is not active.
-        """
+        """End one fault, or all; return their names; raise RigError if that fault is not active."""
         with self.lock:
             found = [key for key in self.active if name in (None, key[0])]
             if name is not None and not found:

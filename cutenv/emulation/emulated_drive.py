@@ -1,7 +1,4 @@
-"""Emulated drive on the bus.
-
-NMT, heartbeats, SDO, mapped PDOs and emergencies around the states of CiA 402.
-"""
+"""Emulated drive on the bus. NMT, heartbeats, SDO, mapped PDOs and emergencies around the states of CiA 402."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Benches of a fake rig, on which blade and sensor work.
-
-On a bench is a specimen, a recorded cut, or nothing.
-"""
+"""Benches of a fake rig, on which blade and sensor work. On a bench is a specimen, a recorded cut, or nothing."""
 
 from __future__ import annotations
 
@@ -213,10 +210,7 @@ class _Rise:
 
 
 class RecordedPlant(FreeAcross):
-    """Recorded cut, replayed millisecond by millisecond, whatever is commanded.
-
-    At its end the blade rests.
-    """
+    """Recorded cut, replayed millisecond by millisecond, whatever is commanded. At its end the blade rests."""
 
     def __init__(self, trace: Trace) -> None:
         self._tape = ReplayPlant(trace)

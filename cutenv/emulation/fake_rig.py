@@ -47,10 +47,7 @@ _ARM = 0.1  # [m] from the blade's lower end up to the sensor, of a rig with a h
 
 @dataclass
 class CrossFaults:
-    """Faults of an axis across the cut.
-
-    Each can be changed at any instant.
-    """
+    """Faults of an axis across the cut. Each can be changed at any instant."""
 
     stuck: bool = False
     """True if its encoder shows one place."""

@@ -1,7 +1,4 @@
-"""Process of the emulated rig.
-
-The server that runs in it, and the client that starts, connects to and ends it.
-"""
+"""Process of the emulated rig. The server that runs in it, and the client that starts, connects to and ends it."""
 
 from __future__ import annotations
 

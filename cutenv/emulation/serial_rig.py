@@ -1,7 +1,4 @@
-"""Emulated rig on a serial line, and its faults.
-
-Each by name, with parameters, and functions that start and end it.
-"""
+"""Emulated rig on a serial line, and its faults. Each by name, with parameters, and functions that start and end it."""
 
 from __future__ import annotations
 
@@ -297,10 +294,7 @@ class EmulatedSerialRig(EmulatedBench):
 
 
 class EmulatedGrblRig(EmulatedSerialRig):
-    """Emulated rig on two serial lines.
-
-    A machine with GRBL, and the board, whose motor pins are open.
-    """
+    """Emulated rig on two serial lines. A machine with GRBL, and the board, whose motor pins are open."""
 
     faults: ClassVar[Mapping[str, InjectedFault]] = GRBL_FAULTS
 

@@ -30,10 +30,7 @@ _NEAR = 3e-4  # [m] distance at which it has passed a place on its way back
 
 
 class Travel(ABC):
-    """Part of a rig that moves its blade outside a cut.
-
-    The blade waits and comes to rest as the whole rig does.
-    """
+    """Part of a rig that moves its blade outside a cut. The blade waits and comes to rest as the whole rig does."""
 
     settings: RigSettings  # as of :class:`~cutenv.rig.plant.RigPlant`
     clock: Clock

@@ -41,10 +41,7 @@ def reports_rig_errors(name: str, *also: type[Exception], refused: int = 1) -> C
 
 
 def by_signal(cause: object) -> bool:
-    """Return whether a stop comes from a signal, such as Ctrl-C.
-
-    Others are SIGTERM and a closed terminal.
-    """
+    """Return whether a stop comes from a signal, such as Ctrl-C. Others are SIGTERM and a closed terminal."""
     from cutenv.rig.safety.stop_causes import Cause
 
     return cause == Cause.INTERRUPTED

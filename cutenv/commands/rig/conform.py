@@ -98,10 +98,7 @@ def _trial_way(role: str) -> str:
 
 
 def _role_of(name: str) -> str:
-    """Return the rig file's section that a driver belongs to.
-
-    A class is recognised by its methods.
-    """
+    """Return the rig file's section that a driver belongs to. A class is recognised by its methods."""
     if ":" not in name:
         only_force = name in registered_drivers(DriverKind.FORCE) and name not in registered_drivers(DriverKind.MOTION)
         return "sensor" if only_force else "blade"

@@ -1,7 +1,4 @@
-"""Specimen on a rig's bench.
-
-A drawn one on an emulated or fake rig, or a depth of cut measured by caliper.
-"""
+"""Specimen on a rig's bench. A drawn one on an emulated or fake rig, or a depth of cut measured by caliper."""
 
 from __future__ import annotations
 

@@ -200,10 +200,7 @@ class HeightAxis(CrossAxis):
 
 @dataclass(frozen=True, kw_only=True)
 class SideAxis(CrossAxis):
-    """Drive that moves the blade to the side, and its limits.
-
-    Places are to the left of the middle of the clamp.
-    """
+    """Drive that moves the blade to the side, and its limits. Places are to the left of the middle of the clamp."""
 
     ends: ClassVar[tuple[str, str]] = ("rightmost", "leftmost")
     to: ClassVar[tuple[str, str]] = ("to the left", "to the right")
@@ -223,10 +220,7 @@ class SideAxis(CrossAxis):
 
 @dataclass(frozen=True, kw_only=True)
 class Bus:
-    """Settings of the CAN bus, in python-can's terms.
-
-    Settings that an interface does not use are ignored.
-    """
+    """Settings of the CAN bus, in python-can's terms. Settings that an interface does not use are ignored."""
 
     interface: str = setting("socketcan", "1", "socketcan, slcan, socketcand, ...", example='"socketcan"')
     channel: str = setting("can0", "1", "can0, /dev/ttyACM0, ...")

@@ -1,7 +1,4 @@
-"""Camera beside the rig.
-
-A process of its own reads it and measures the depth, so that it can delay nothing here.
-"""
+"""Camera beside the rig. A process of its own reads it and measures the depth, so that it can delay nothing here."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Bases of drivers: an axis with latch, a sensor with tare.
-
-They open and close in order, and wait.
-"""
+"""Bases of drivers: an axis with latch, a sensor with tare. They open and close in order, and wait."""
 
 from __future__ import annotations
 

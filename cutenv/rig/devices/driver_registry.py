@@ -27,10 +27,7 @@ Shared = TypeVar("Shared")
 
 
 class DriverKind(StrEnum):
-    """Kind of a driver.
-
-    Packages register theirs as an entry point of the group.
-    """
+    """Kind of a driver. Packages register theirs as an entry point of the group."""
 
     MOTION = "motion"
     FORCE = "force"
@@ -194,10 +191,7 @@ class RegisteredDriver(NamedTuple):
     target: str  # ``module:attribute``
 
     def load(self) -> Callable[[Mounting], Any]:
-        """Import the driver's class or function.
-
-        Raise ValueError if it cannot be imported, or cannot be called.
-        """
+        """Import the driver's class or function; raise ValueError if it cannot be imported, or cannot be called."""
         try:
             made = EntryPoint(name=self.name, value=self.target, group=self.kind.group).load()
         except ModuleNotFoundError as error:
@@ -229,10 +223,7 @@ def registered_drivers(kind: DriverKind) -> dict[str, RegisteredDriver]:
 
 
 def driver_named(kind: DriverKind, name: str) -> RegisteredDriver:
-    """Return a driver by its registered name or ``module:Class``.
-
-    Raise ValueError if there is none of that name.
-    """
+    """Return a driver by its registered name or ``module:Class``; raise ValueError if there is none of that name."""
     module, colon, attribute = name.partition(":")
     if colon and module and attribute:
         import_from_here()

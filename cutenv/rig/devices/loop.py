@@ -36,10 +36,7 @@ class Repeating(Protocol):
     """Handle of an action that is repeated at a fixed period."""
 
     def stop(self) -> None:
-        """End the repetition; return once the action has ended.
-
-        May be called twice, and by the action itself.
-        """
+        """End the repetition; return once the action has ended. May be called twice, and by the action itself."""
         ...
 
 
@@ -226,10 +223,7 @@ class Attempt:
 
 
 class FakeClock:
-    """Clock that moves only while somebody waits.
-
-    Due actions then run in order, in the waiting thread.
-    """
+    """Clock that moves only while somebody waits. Due actions then run in order, in the waiting thread."""
 
     def __init__(self, start: float = 100.0) -> None:
         self._now = start
@@ -283,10 +277,7 @@ class Owner:
         return os.getpid() == self._process
 
     def check(self) -> None:
-        """Raise an error in a fork.
-
-        Raise RigError if this is another process.
-        """
+        """Raise an error in a fork; raise RigError if this is another process."""
         if not self.here:
             raise RigError(
                 f"this process is a fork of the one that has the rig ({self._process}), which alone may use it. "

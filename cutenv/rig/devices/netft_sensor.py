@@ -38,10 +38,7 @@ PACKET_SIZE = _PACKET.size
 
 
 class PacketError(ValueError):
-    """Error for bytes that are not a packet of this protocol.
-
-    The message gives the reason.
-    """
+    """Error for bytes that are not a packet of this protocol. The message gives the reason."""
 
 
 class RdtCommand(IntEnum):
@@ -122,10 +119,7 @@ def parse_request(packet: bytes) -> tuple[RdtCommand, int]:
 
 
 def packet_bytes(record: SensorPacket) -> bytes:
-    """Return the 36 bytes of a record.
-
-    Raise PacketError if a number does not fit into its 32 bits.
-    """
+    """Return the 36 bytes of a record; raise PacketError if a number does not fit into its 32 bits."""
     try:
         return _PACKET.pack(record.sequence, record.sampled, record.status, *record.counts)
     except struct.error as error:
@@ -133,10 +127,7 @@ def packet_bytes(record: SensorPacket) -> bytes:
 
 
 def parse_packet(packet: bytes) -> SensorPacket:
-    """Parse a record; any 36 bytes are one.
-
-    Raise PacketError if it is not 36 bytes.
-    """
+    """Parse a record; any 36 bytes are one; raise PacketError if it is not 36 bytes."""
     if len(packet) != PACKET_SIZE:
         raise PacketError(f"a record has {PACKET_SIZE} bytes, this has {len(packet)}")
     numbers = _PACKET.unpack(packet)
@@ -249,10 +240,7 @@ _CURE = "Is the sensor powered and on this network, and sensor.address (or senso
 
 
 class _Tree(ET.TreeBuilder):
-    """Tree builder that refuses a document type.
-
-    Its entities can expand without limit or refer elsewhere.
-    """
+    """Tree builder that refuses a document type. Its entities can expand without limit or refer elsewhere."""
 
     def __init__(self, address: str) -> None:
         super().__init__()

@@ -1,7 +1,4 @@
-"""Jogging, which moves the blade while a key is held.
-
-The command at each instant, and the loop that sends it.
-"""
+"""Jogging, which moves the blade while a key is held. The command at each instant, and the loop that sends it."""
 
 from __future__ import annotations
 
@@ -63,10 +60,7 @@ _LETTERS = {
 
 
 class KeyDecoder:
-    """Decoder from a terminal's bytes to keys.
-
-    An arrow is three bytes, which may come one by one.
-    """
+    """Decoder from a terminal's bytes to keys. An arrow is three bytes, which may come one by one."""
 
     def __init__(self) -> None:
         self._begun = b""

@@ -1,7 +1,4 @@
-"""Person beside the rig, who is asked before anything moves.
-
-The questions are at a terminal, and with a time limit.
-"""
+"""Person beside the rig, who is asked before anything moves. The questions are at a terminal, and with a time limit."""
 
 from __future__ import annotations
 
@@ -105,10 +102,7 @@ class TerminalOperator:
 
 
 class AutomaticOperator:
-    """Operator that answers yes to everything; for emulated rigs only.
-
-    Raise ValueError if the rig is not emulated.
-    """
+    """Operator that answers yes to everything; for emulated rigs only; raise ValueError if the rig is not emulated."""
 
     def __init__(self, settings: RigSettings) -> None:
         if not settings.emulated:

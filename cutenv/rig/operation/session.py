@@ -64,10 +64,7 @@ def recorded_rows(plant: RigPlant, readings: StructArray) -> tuple[list[Reading]
 
 @dataclass(frozen=True, kw_only=True)
 class SpecimenKey:
-    """Key of a drawn specimen.
-
-    Hardware cuts whatever is laid, and stores the key as a label.
-    """
+    """Key of a drawn specimen. Hardware cuts whatever is laid, and stores the key as a label."""
 
     seed: int
     episode: int
@@ -78,10 +75,7 @@ class SpecimenKey:
 
 
 class SpecimenSource(Protocol):
-    """Supply that lays the next specimen.
-
-    The blade is at the clamp, at rest and without power.
-    """
+    """Supply that lays the next specimen. The blade is at the clamp, at rest and without power."""
 
     def mount(self, key: SpecimenKey) -> NDArray[np.float64] | None:
         """Mount a specimen; return its depth, shape (301,) [m], None if already known."""

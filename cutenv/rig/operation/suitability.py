@@ -1,7 +1,4 @@
-"""Suitability of a rig.
-
-Decisions a second, stopping distances, and tasks that it can do, from its file alone.
-"""
+"""Suitability of a rig. Decisions a second, stopping distances, and tasks that it can do, from its file alone."""
 
 from __future__ import annotations
 

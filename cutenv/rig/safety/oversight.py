@@ -23,10 +23,7 @@ from cutenv.rig.safety.stop_causes import Cause, StopReport
 
 
 class Oversight(Protocol):
-    """Safety of a rig, in this process or in the spine's.
-
-    See :class:`cutenv.rig.safety.supervisor.Supervisor`.
-    """
+    """Safety of a rig, in this process or in the spine's. See :class:`cutenv.rig.safety.supervisor.Supervisor`."""
 
     limited: int
     """Number of commands that were reduced to a limit since :meth:`release`."""

@@ -156,10 +156,7 @@ def detection_times(limits: SafetyLimits, *, packet: float = 0.001, sync: float 
 
 @dataclass(kw_only=True)
 class StopReport:
-    """Report of a stop.
-
-    Times on the rig's clock [s], None for what has not happened yet.
-    """
+    """Report of a stop. Times on the rig's clock [s], None for what has not happened yet."""
 
     cause: Cause
     detail: str

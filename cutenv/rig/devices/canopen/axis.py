@@ -1,7 +1,4 @@
-"""Axis of the rig on one CiA 402 drive.
-
-State machine, commands, samples, and stop.
-"""
+"""Axis of the rig on one CiA 402 drive. State machine, commands, samples, and stop."""
 
 from __future__ import annotations
 
@@ -151,10 +148,7 @@ class CanopenAxis(AxisDriver):
         self._control(o.QUICK_STOP)
 
     def disable(self) -> None:
-        """Switch off the power of an axis at rest.
-
-        Raise RigError if it does not come to rest, or does not answer.
-        """
+        """Switch off the power of an axis at rest; raise RigError if it does not come to rest, or does not answer."""
         self._power_off()
 
     def clear(self) -> None:

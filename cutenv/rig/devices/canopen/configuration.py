@@ -1,7 +1,4 @@
-"""Object dictionary of a drive by SDO.
-
-Its set-up is read, compared, written and read back, before it moves.
-"""
+"""Object dictionary of a drive by SDO. Its set-up is read, compared, written and read back, before it moves."""
 
 from __future__ import annotations
 

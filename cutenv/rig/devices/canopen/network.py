@@ -81,10 +81,7 @@ class Socketcand:
         return self._frames.popleft() if self._frames else None
 
     def send(self, message: Any, timeout: float | None = None) -> None:
-        """Put a frame on the bus.
-
-        Raise GatewayError if the gateway does not accept it within ``timeout`` [s].
-        """
+        """Put a frame on the bus; raise GatewayError if the gateway does not accept it within ``timeout`` [s]."""
         number = f"{message.arbitration_id:08X}" if message.is_extended_id else f"{message.arbitration_id:03X}"
         data = "".join(f" {byte:02X}" for byte in message.data)
         self._put(f"< send {number} {len(message.data)}{data} >", timeout)
@@ -247,10 +244,7 @@ Handler = Callable[[bytes, float], None]
 
 
 class Member(Protocol):
-    """Member of a network.
-
-    One axis, which is informed when the network breaks.
-    """
+    """Member of a network. One axis, which is informed when the network breaks."""
 
     name: str
     """Name of the axis."""
@@ -375,10 +369,7 @@ class CanNetwork:
         self._usual[node] = self._syncs - self._answers.get(node, 0), self._syncs, 0
 
     def manage(self, command: int, node: int) -> None:
-        """Send a network management command to a node.
-
-        Raise RigError if the bus does not accept it.
-        """
+        """Send a network management command to a node; raise RigError if the bus does not accept it."""
         self.send_message(NMT_FRAME, bytes((command, node)))
 
     def _open(self) -> None:

@@ -1,7 +1,4 @@
-"""Numbers defined by CiA 301, CiA 402 and the EPOS4.
-
-Objects, words, modes, errors, PDOs; and conversion of units.
-"""
+"""Numbers defined by CiA 301, CiA 402 and the EPOS4. Objects, words, modes, errors, PDOs; and conversion of units."""
 
 from __future__ import annotations
 
@@ -128,10 +125,7 @@ EMERGENCY = struct.Struct("<HB5s")
 
 @dataclass(frozen=True)
 class Pdo:
-    """Frame of process data.
-
-    Its number, the objects of its set-up and mapping, its transmission type, its content.
-    """
+    """Frame of process data. Its number, the objects of its set-up and mapping, its transmission type, its content."""
 
     frame: int
     set_up_at: int
@@ -203,10 +197,7 @@ REMOTE, VOLTAGE, INTERNAL_LIMIT = 0x0200, 0x0010, 0x0800
 
 
 def drive_state(statusword: int) -> DriveState:
-    """Return the state in a statusword.
-
-    Raise ValueError if the standard defines no such state.
-    """
+    """Return the state in a statusword; raise ValueError if the standard defines no such state."""
     for mask, value, state in _STATES:
         if statusword & mask == value:
             return state

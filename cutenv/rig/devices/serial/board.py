@@ -1,7 +1,4 @@
-"""Board on a serial port that axis and sensor share.
-
-Reading, sign of life, break of the line; lines ``TEXT*CRC``.
-"""
+"""Board on a serial port that axis and sensor share. Reading, sign of life, break of the line; lines ``TEXT*CRC``."""
 
 from __future__ import annotations
 
@@ -33,10 +30,7 @@ class BoardState(IntEnum):
 
 
 class BoardFlag(IntFlag):
-    """Flags of the board.
-
-    They tell of its pins at this moment, and of what has stopped it until it is cleared.
-    """
+    """Flags of the board. They tell of its pins at this moment, and of what has stopped it until it is cleared."""
 
     ZEROED = 1
     AT_LOW = 2
@@ -48,17 +42,11 @@ class BoardFlag(IntFlag):
 
 
 class LineError(ValueError):
-    """Error for a line that is damaged or unknown.
-
-    The message names the fault.
-    """
+    """Error for a line that is damaged or unknown. The message names the fault."""
 
 
 class MotionReport(NamedTuple):
-    """Report of the motion.
-
-    Number, state, flags, position [steps], rate [steps/s], lines that it did not take.
-    """
+    """Report of the motion. Number, state, flags, position [steps], rate [steps/s], lines that it did not take."""
 
     sequence: int
     state: BoardState
@@ -69,10 +57,7 @@ class MotionReport(NamedTuple):
 
 
 class ForceReport(NamedTuple):
-    """Reading of the load cell.
-
-    Number, status (0: healthy, 1: at the end of the range), counts.
-    """
+    """Reading of the load cell. Number, status (0: healthy, 1: at the end of the range), counts."""
 
     sequence: int
     status: int
@@ -88,10 +73,7 @@ class BoardIdentity(NamedTuple):
 
 
 class StepperSetup(NamedTuple):
-    """Set-up of the stepper.
-
-    Acceleration, that of a quick stop [steps/s2], top rate [steps/s], ends [steps].
-    """
+    """Set-up of the stepper. Acceleration, that of a quick stop [steps/s2], top rate [steps/s], ends [steps]."""
 
     acceleration: int
     quick_stop: int
@@ -246,10 +228,7 @@ class SerialBoard:
             self._sending.release()
 
     def ask(self, text: str, kind: type[Any], limit: float = _ANSWER) -> Any:
-        """Send a line and return the answer of that kind.
-
-        Raise RigError if none comes in time.
-        """
+        """Send a line and return the answer of that kind; raise RigError if none comes in time."""
         with self._changed:
             self._answers.pop(kind, None)
         ends = self._clock.now() + limit

@@ -58,10 +58,7 @@ class StepperOptions:
 
 
 class StepRates:
-    """Conversion between metres and steps.
-
-    ``steps`` are those for one turn of the screw.
-    """
+    """Conversion between metres and steps. ``steps`` are those for one turn of the screw."""
 
     def __init__(self, axis: Axis, steps: int) -> None:
         self.per_metre = axis.direction * steps / axis.lead
@@ -244,10 +241,7 @@ class StepperAxis(AxisDriver):
         self._board.send("Q")
 
     def disable(self) -> None:
-        """Switch off the power of an axis at rest.
-
-        Raise RigError if it does not come to rest, or does not answer.
-        """
+        """Switch off the power of an axis at rest; raise RigError if it does not come to rest, or does not answer."""
         self._may_move = False
         self._rested()
         self._board.send("X")
