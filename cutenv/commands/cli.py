@@ -26,23 +26,17 @@ from cutenv._base.resources import described_version
 class Command:
     """Command, run by ``main(argv)`` of the module named after it. With parts it has sub-commands instead."""
 
-    summary: str
-    """A line of help."""
-    extra: str = ""
-    """The extra that brings what the command needs beyond the package, or beyond its group's extra."""
-    parts: Mapping[str, Command] = field(default_factory=dict)
-    """Sub-commands."""
-    description: str | None = None
-    """First line of the help of a command with sub-commands."""
-    uses: tuple[str, ...] = ()
-    """The commonest uses of a command with sub-commands, with which its help begins."""
+    summary: str  # a line of help
+    extra: str = ""  # the extra that brings what the command needs beyond the package, or beyond its group's extra
+    parts: Mapping[str, Command] = field(default_factory=dict)  # sub-commands
+    description: str | None = None  # first line of the help of a command with sub-commands
+    uses: tuple[str, ...] = ()  # the commonest uses of a command with sub-commands, with which its help begins
 
 
-INTERRUPTED = 130
-"""Exit status after Ctrl-C: 128 and the number of the signal, as shells have it."""
+INTERRUPTED = 130  # exit status after Ctrl-C: 128 and the number of the signal, as shells have it
 
+# exit status when the program that reads the output has ended, as ``head`` does: 128 and the number of SIGPIPE
 READER_GONE = 141
-"""Exit status when the program that reads the output has ended, as ``head`` does: 128 and the number of SIGPIPE."""
 
 RIG_COMMANDS = {
     "check": Command("check a rig's connections, limits and noise without moving it"),

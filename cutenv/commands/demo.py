@@ -36,8 +36,7 @@ if TYPE_CHECKING:
     from cutenv.sim.plant.simulator import SimulatedPlant
     from cutenv.task.registry import RegisteredTask
 
-UNSEEN = 3_000_000
-"""First seed beyond those on which agents are trained, chosen and tested."""
+UNSEEN = 3_000_000  # first seed beyond those on which agents are trained, chosen and tested
 
 _ANGLES = ("angle_mode", "fixed_angle_deg")
 
@@ -49,8 +48,7 @@ class DemoCut:
     reward: float
     end: str
     success: bool
-    error: float
-    """The first of the errors that the task has in tables, such as the tip's [mm]."""
+    error: float  # the first of the errors that the task has in tables, such as the tip's [mm]
     peak_force_N: float
     time_s: float
     specimen_class: str
@@ -101,8 +99,7 @@ def main(argv: Sequence[str]) -> int:
 class DemoSpecimens:
     """First specimens of a seed, with target length [m]."""
 
-    drawn: Mapping[str, str]
-    """Class and tissue, as keyword arguments of an environment."""
+    drawn: Mapping[str, str]  # class and tissue, as keyword arguments of an environment
     seed: int
     count: int
     target_length: float | None = None

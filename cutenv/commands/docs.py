@@ -20,8 +20,8 @@ from urllib.request import url2pathname
 from cutenv._base import resources
 from cutenv.commands.options import command_parser
 
+# first page, below ``assets``: part of a released wheel, and of a checkout once the pages are built
 PAGES = "site/index.html"
-"""First page, below ``assets``: part of a released wheel, and of a checkout once the pages are built."""
 _BUILDING = ("mkdocs", "material", "mkdocstrings", "latex2mathml")
 
 

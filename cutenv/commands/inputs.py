@@ -19,8 +19,7 @@ from cutenv.records.measurement.calibration import RefusedRecord
 from cutenv.records.measurement.measured_cut import SPECIMEN_KEY
 from cutenv.sim.trace import Trace
 
-SUFFIXES = tuple(FORMATS)
-"""Endings of this package's record files, which are looked for in a folder."""
+SUFFIXES = tuple(FORMATS)  # endings of this package's record files, which are looked for in a folder
 MAPPED_SUFFIXES = (
     ".txt", ".tsv", ".dat", ".asc", ".lvm", ".tra", ".log", ".prn", ".out", ".json", ".jsonl", ".sto", ".mot",
     *FOREIGN_SUFFIXES,
@@ -31,7 +30,7 @@ _MOST_NOTES = 3  # notes on an option without effect, a line for each record; of
 
 
 class Source(NamedTuple):
-    """Source of a cut: file, and number from 1. The number is None if the cut is the only one."""
+    """Source of a cut: file, and number from 1; None for the only one."""
 
     path: Path
     number: int | None
@@ -160,7 +159,7 @@ def record_files(arguments: argparse.Namespace) -> list[Path]:
 
 
 def _is_record(path: Path, *, mapped: bool) -> bool:
-    """Return whether a path's name is that of a record. Files of other programs count only if ``mapped``."""
+    """Return whether a path is a record; other programs' files only if ``mapped``."""
     suffix = Path(path.stem).suffix if mapped and path.suffix.lower() == PACKED else path.suffix
     known = (*SUFFIXES, *MAPPED_SUFFIXES) if mapped else SUFFIXES
     return suffix.lower() in known if path.is_file() else is_record_folder(path)

@@ -22,11 +22,9 @@ if TYPE_CHECKING:  # slow to import, and --help does not need it
     from cutenv.records.scoring.study.sequential import SequentialQuestion
     from cutenv.sim.tissue.lines import CutLine
 
-Main = Callable[[Sequence[str]], int]
-"""Entry point of a command: takes its arguments, returns the exit status."""
+Main = Callable[[Sequence[str]], int]  # entry point of a command: takes its arguments, returns the exit status
 
-LIVE_PORT = 8801
-"""Default port at which a rig's readings can be watched, on its own machine alone."""
+LIVE_PORT = 8801  # default port at which a rig's readings can be watched, on its own machine alone
 RIG = 'a rig\'s TOML file, "emulator", "serial" or "grbl" (emulated slow rigs) or "fake"'
 """Help of every argument that names a rig."""
 
@@ -45,8 +43,7 @@ def add_option(to: argparse._ActionsContainer, name: str, about: str, kind: Any 
     to.add_argument(name, type=kind, metavar=shown or None, help=about, **more)
 
 
-SCREEN = (24, 80)
-"""Lines and columns of the smallest usual terminal, which ``-h`` fits."""
+SCREEN = (24, 80)  # lines and columns of the smallest usual terminal, which ``-h`` fits
 
 
 class CommandParser(argparse.ArgumentParser):

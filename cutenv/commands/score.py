@@ -30,8 +30,7 @@ if TYPE_CHECKING:  # what scores is slow to import, and --help does not need it
     from cutenv.records.scoring import ReferenceSet
 
 
-PAGES_NEED = ("jinja2", "matplotlib")
-"""Libraries without which a record is scored on the terminal alone."""
+PAGES_NEED = ("jinja2", "matplotlib")  # libraries without which a record is scored on the terminal alone
 
 
 @reports_errors("score")

@@ -28,8 +28,7 @@ class StudiedRecords(NamedTuple):
 
     cuts: list[StudiedCut]
     refused: list[RefusedRecord]
-    left: Mapping[str, tuple[int, ...]]
-    """By operator, how many finished cuts stand before each one that was left."""
+    left: Mapping[str, tuple[int, ...]]  # by operator, how many finished cuts stand before each one that was left
 
 
 def studied_cuts(arguments: argparse.Namespace, rows: Sequence[OperatorRow] | None) -> StudiedRecords:

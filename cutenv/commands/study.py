@@ -24,10 +24,8 @@ if TYPE_CHECKING:
     from cutenv.records.scoring.study import Study
     from cutenv.records.scoring.study.sequential import SequentialQuestion
 
-_SCALE = 100.0
-"""Largest overall score."""
-_SMALLEST = 5.0
-"""Smallest difference of scores that matters, by default."""
+_SCALE = 100.0  # largest overall score
+_SMALLEST = 5.0  # smallest difference of scores that matters, by default
 
 
 @reports_errors("study", ImportError)

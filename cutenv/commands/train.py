@@ -112,7 +112,7 @@ def _side_by_side(tasks: Sequence[str], rest: Sequence[str]) -> int:
 
 
 def training_options(learner: str, argv: Sequence[str]) -> LearnerArguments:
-    """Return the options of a new run without starting it; raise BadArguments for an option that is bad."""
+    """Return the options of a new run; raise BadArguments for a bad one."""
     kind = LEARNERS[learner][1]
     chosen = vars(_parser(learner).parse_args([*argv]))
     for name in ("learner", "quick", "from_nothing", "resume"):

@@ -26,7 +26,7 @@ _ACROSS: tuple[tuple[str, ...], ...] = ((), ("height",), ("side",))
 
 @reports_errors("warm")
 def main(argv: Sequence[str]) -> int:
-    """Compile and print the place; return 1 if a part fails. It also fails if nothing can be kept."""
+    """Compile and print the place; return 1 if a part fails, or nothing can be kept."""
     arguments = _parser().parse_args(argv)
     from cutenv._engine.jit import kernel_folder, remove_kernels
 

@@ -154,10 +154,8 @@ def _rows(key: str, told: Any) -> list[list[float]]:
     ]
 
 
-SCAN = struct.Struct("<I6i")
-"""One reading on the wire of the emulated board: its number, then six counts."""
-SILENT_AFTER = 2.0
-"""Time without a scan after which a board counts as silent [s]."""
+SCAN = struct.Struct("<I6i")  # one reading on the wire of the emulated board: its number, then six counts
+SILENT_AFTER = 2.0  # time without a scan after which a board counts as silent [s]
 _LONGEST_HEADER = 1000  # bytes
 
 
@@ -256,7 +254,7 @@ class NidaqmxBoard:
 
 
 class EmulatedBoard:
-    """Board of the emulated rig, in its process, over TCP. ``host`` and ``port`` are those of the emulated rig."""
+    """Board of the emulated rig, in its process, over TCP."""
 
     def __init__(self, host: str, port: int) -> None:
         self._address = (host, port)
@@ -314,8 +312,7 @@ class EmulatedBoard:
         return found
 
 
-CHANNEL_AT_END = 1
-"""Status of a reading with a channel at an end of the converter's range: its load is unknown."""
+CHANNEL_AT_END = 1  # status of a reading with a channel at an end of the converter's range: its load is unknown
 _OPENS_WITHIN = 3.0  # [s] for a board to convert the first reading
 _ENDS_WITHIN = 1.0  # [s] for a read that is under way
 _HERE = ("127.0.0.1", "localhost", "::1")

@@ -24,12 +24,9 @@ from cutenv.rig.errors import RigError
 from cutenv.rig.operation.preflight import ZERO_FORCE
 from cutenv.rig.spine import tare_readings
 
-CALL_TIME = 0.005
-"""Time that a call may take that has not to wait for an answer [s]: a command, a quick stop."""
-CLOSE_TIME = 3.0
-"""Time that closing may take [s]."""
-THREADS_END = 1.0
-"""Time after closing within which a driver's threads have to end [s]."""
+CALL_TIME = 0.005  # time that a call may take that has not to wait for an answer [s]: a command, a quick stop
+CLOSE_TIME = 3.0  # time that closing may take [s]
+THREADS_END = 1.0  # time after closing within which a driver's threads have to end [s]
 
 
 class TriedPromise(NamedTuple):
@@ -41,8 +38,7 @@ class TriedPromise(NamedTuple):
     kept: bool  # True if it was kept
 
 
-HEADER = ("promised", "allowed", "measured", "kept")
-"""Columns of the table."""
+HEADER = ("promised", "allowed", "measured", "kept")  # columns of the table
 
 
 def conformance_rows(findings: list[TriedPromise]) -> list[tuple[str, ...]]:
@@ -151,10 +147,8 @@ def _short(text: str) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-TRIAL_TRAVEL = 0.010
-"""Way that the axis needs free, from where it stands towards the middle of its travel [m or rad]."""
-LIMIT_NAMES = ("low", "high", "speed", "acceleration", "quick_stop")
-"""Limits that a drive tells."""
+TRIAL_TRAVEL = 0.010  # way that the axis needs free, from where it stands towards the middle of its travel [m or rad]
+LIMIT_NAMES = ("low", "high", "speed", "acceleration", "quick_stop")  # limits that a drive tells
 _SPEED = 0.004  # [m/s or rad/s]
 _LISTEN = 1.0  # [s]
 _STANDS = 2e-5  # [m or rad] by which an axis at rest may flicker

@@ -1,4 +1,4 @@
-"""Six-axis force sensor on a serial port. Frames by header and CRC, in step; order of readings, tare."""
+"""Six-axis force sensor on a serial port, with frames by header and CRC."""
 
 from __future__ import annotations
 
@@ -109,16 +109,11 @@ _STAMPS = 2**32  # times of a sensor are counted modulo this [us]
 class FramedProtocol(Protocol):
     """Protocol of one maker's sensor. Its frames, and how their stream begins and ends."""
 
-    name: str
-    """Name of the sensor, for messages."""
-    baud: int
-    """Baud rate."""
-    form: FrameFormat
-    """Format of the frames."""
-    newtons: float
-    """Force of a count [N]."""
-    newton_metres: float
-    """Torque of a count [N m]."""
+    name: str  # name of the sensor, for messages
+    baud: int  # baud rate
+    form: FrameFormat  # format of the frames
+    newtons: float  # force of a count [N]
+    newton_metres: float  # torque of a count [N m]
 
     def begin(self, line: SensorLine, rate: float) -> dict[str, float | str]:
         """Identify the sensor and start its stream at ``rate`` [Hz].

@@ -30,10 +30,9 @@ from cutenv.rig.errors import RigError
 
 JOG_CANCEL, SOFT_RESET, STATUS, HOLD = b"\x85", b"\x18", b"?", b"!"
 """Commands of one byte, which GRBL obeys at once, whatever it is doing."""
+# coordinate at the clamp [mm] that ``cutenv rig zero`` gives the machine, in its memory only: proof of it
 MARK = 5000.0
-"""Coordinate at the clamp [mm] that ``cutenv rig zero`` gives the machine, in its memory only: proof of it."""
-GRBL_AXES = ("X", "Y", "Z")
-"""Letters of the axes."""
+GRBL_AXES = ("X", "Y", "Z")  # letters of the axes
 
 
 class GrblStatus(NamedTuple):
@@ -90,12 +89,10 @@ def grbl_zero(lines: Iterable[str], number: int) -> float | None:
     return found.get("G54", 0.0) + found["G92"] + MARK
 
 
-REPORT_PERIOD = 0.100
-"""Period at which status reports are asked for [s]: GRBL is not made for much more."""
-PIECE = 0.025
-"""Time of one jog [s]."""
+REPORT_PERIOD = 0.100  # period at which status reports are asked for [s]: GRBL is not made for much more
+PIECE = 0.025  # time of one jog [s]
+# time of the motion that is sent ahead [s]: after a silence of the computer the blade goes on for so long
 SENT_AHEAD = 0.150
-"""Time of the motion that is sent ahead [s]: after a silence of the computer the blade goes on for so long."""
 
 
 _SAME = 0.02  # [1] relative difference allowed between the machine's settings and the file
@@ -155,8 +152,7 @@ def lines_to_send(settings: Mapping[int, float], axis: Axis, number: int) -> lis
 
 _log = logging.getLogger(__name__)
 
-ANSWERED = 1.0
-"""Time within which a line is answered [s]."""
+ANSWERED = 1.0  # time within which a line is answered [s]
 _WRITE, _READ = 0.02, 0.05  # [s]
 _LINE = 128  # bytes at most
 
@@ -415,7 +411,7 @@ class GrblAxis(AxisDriver):
         self._reset_at = self._clock.now() + self._settings.speed / self._settings.acceleration + _DEAF
 
     def disable(self) -> None:
-        """Send no more jogs; the axis is at rest then; raise RigError if it does not come to rest."""
+        """Send no more jogs; raise RigError if the axis does not come to rest."""
         self._jogs.aim(0.0)
         self._rested()
         if self._state is DriveState.ENABLED:

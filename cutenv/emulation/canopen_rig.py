@@ -24,8 +24,7 @@ from cutenv.sim.cutting.dtypes import LawParameters
 from cutenv.sim.cutting.sensor import SensorParameters
 from cutenv.sim.plant.simulator import ANGLE_RANGE, check_angle
 
-BLADE = Axis(low=-0.002, high=0.149)
-"""Axis of the emulated rig's carriage."""
+BLADE = Axis(low=-0.002, high=0.149)  # axis of the emulated rig's carriage
 HINGE = Axis(
     node=2, gear=100.0, lead=2 * math.pi, low=math.radians(43.0), high=math.radians(92.0), speed=math.radians(120.0),
     acceleration=20.0, quick_stop=40.0, following_error=0.05,

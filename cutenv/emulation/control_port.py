@@ -1,4 +1,4 @@
-"""Control port of the emulated rig. It takes requests that no real rig could answer: one line of JSON in, one out."""
+"""Control port of the emulated rig: one line of JSON in, one out."""
 
 from __future__ import annotations
 
@@ -158,7 +158,7 @@ class _Conversation(socketserver.StreamRequestHandler):
 
 
 class ControlServer(socketserver.ThreadingTCPServer):
-    """Server of the control port of ``rig``, in own threads. ``port`` is the port it listens on."""
+    """Server of the control port of ``rig``, in own threads, on ``port``."""
 
     allow_reuse_address = True
     daemon_threads = True

@@ -216,8 +216,7 @@ STATUSWORDS = {
 }
 """Bits 0 to 6 of the statusword (6041), the power stage's voltage (bit 4) among them: masked by 0x6F, CiA 402's."""
 
-POWERED = frozenset({S.ENABLED, S.QUICK_STOP, S.REACTING})
-"""States in which the motor has torque."""
+POWERED = frozenset({S.ENABLED, S.QUICK_STOP, S.REACTING})  # states in which the motor has torque
 
 
 class StatusBit(IntEnum):
@@ -226,8 +225,7 @@ class StatusBit(IntEnum):
     REMOTE = 0x0200
     TARGET_REACHED = 0x0400
     INTERNAL_LIMIT = 0x0800
-    AT_REST = 0x1000
-    """Bit set at rest in profile velocity mode, or, in homing mode, when home is found."""
+    AT_REST = 0x1000  # bit set at rest in profile velocity mode, or, in homing mode, when home is found
     FOLLOWING_ERROR = 0x2000
     HOMED = 0x8000
 

@@ -1,4 +1,4 @@
-"""Base of every emulated rig. Its loop of a millisecond at a time, events, and faults by name and parameters."""
+"""Base of every emulated rig: its loop, events and faults."""
 
 from __future__ import annotations
 
@@ -81,8 +81,7 @@ class InjectedFault:
         return checked
 
 
-Act = Callable[[Any, Parameters, Any], None]
-"""Change of a rig, from its parameters and a value."""
+Act = Callable[[Any, Parameters, Any], None]  # change of a rig, from its parameters and a value
 
 
 def switched(
@@ -215,8 +214,7 @@ def parsed_fault(text: str, faults: Mapping[str, InjectedFault] = FAULTS) -> tup
     return name, given, moment
 
 
-STALL = 0.005
-"""Delay of the loop from which it is counted as a stall [s]."""
+STALL = 0.005  # delay of the loop from which it is counted as a stall [s]
 _FORGIVEN = 0.25  # [s] of delay that is caught up; more is skipped
 _STILL = 1e-4  # [m/s] below which the carriage is at rest
 _KEPT_EVENTS = 10_000
@@ -229,12 +227,9 @@ class EmulatedBench(ABC):
     delays of the loop beyond :data:`STALL`, and the longest [s].
     """
 
-    faults: ClassVar[Mapping[str, InjectedFault]]
-    """Faults that it knows, by name."""
-    stands_after: ClassVar[int] = 5
-    """Milliseconds without motion after which the carriage has come to rest."""
-    cross_axes: tuple[str, ...] = ()
-    """Names of the axes across the cut, "height" and "side"."""
+    faults: ClassVar[Mapping[str, InjectedFault]]  # faults that it knows, by name
+    stands_after: ClassVar[int] = 5  # milliseconds without motion after which the carriage has come to rest
+    cross_axes: tuple[str, ...] = ()  # names of the axes across the cut, "height" and "side"
 
     def __init__(self, bench: EmulatedTissue, force_limit: float) -> None:
         self.bench = bench

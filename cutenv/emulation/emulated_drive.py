@@ -1,4 +1,4 @@
-"""Emulated drive on the bus. NMT, heartbeats, SDO, mapped PDOs and emergencies around the states of CiA 402."""
+"""Emulated drive on the bus: NMT, heartbeats, SDO, PDOs, emergencies."""
 
 from __future__ import annotations
 
@@ -30,8 +30,7 @@ from cutenv.rig.devices.protocols import DriveState
 
 _IDENTIFIER = 0x7FF
 _SYNCHRONOUS = 240  # greatest transmission type that depends on SYNC
-Write = tuple[int, int, bytes]
-"""Index, sub-index and new value of an object that a received frame writes."""
+Write = tuple[int, int, bytes]  # index, sub-index and new value of an object that a received frame writes
 
 
 def _parts(mapped: int) -> tuple[int, int, int]:
@@ -173,8 +172,7 @@ class ProcessData:
 _SAVE = 0x65766173  # "save", backwards
 _REACTION_ENDS = 1.0  # [s] after which a fault reaction ends even if the axis still moves
 logging.getLogger("canopen.sdo.server").setLevel(logging.CRITICAL)  # it logs as an error what it answers
-Happened = Callable[..., None]
-"""Callback ``happened(what, axis=..., **details)`` for events that a test may ask for."""
+Happened = Callable[..., None]  # callback ``happened(what, axis=..., **details)`` for events that a test may ask for
 
 
 class Nmt(IntEnum):

@@ -1,4 +1,4 @@
-"""Benches of a fake rig, on which blade and sensor work. On a bench is a specimen, a recorded cut, or nothing."""
+"""Benches of a fake rig: a specimen, a recorded cut, or nothing."""
 
 from __future__ import annotations
 

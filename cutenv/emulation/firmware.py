@@ -121,12 +121,9 @@ class EmulatedLine:
         self._folder.cleanup()
 
 
-CONVERTERS = {"hx711": 80, "ads1220": 330, "nau7802": 320}
-"""Converters that the sketch knows, with their rates [Hz]."""
-STOP_PIN, LOW_PIN, HIGH_PIN = 6, 7, 8
-"""Pins of the stop button's contact and of the limit switches, as in the sketch."""
-LOOP_TIME = 20
-"""Time that a turn of the sketch's loop takes [us], assumed."""
+CONVERTERS = {"hx711": 80, "ads1220": 330, "nau7802": 320}  # converters that the sketch knows, with their rates [Hz]
+STOP_PIN, LOW_PIN, HIGH_PIN = 6, 7, 8  # pins of the stop button's contact and of the limit switches, as in the sketch
+LOOP_TIME = 20  # time that a turn of the sketch's loop takes [us], assumed
 _FLAGS = ("-O2", "-shared", "-fPIC", "-x", "c++")
 _DRAINED = 4096  # bytes at a time
 

@@ -31,14 +31,12 @@ from cutenv.sim.cutting.sensor import Sensor, SensorParameters
 from cutenv.sim.plant import DescendingPlant, SimulatedPlant
 from cutenv.sim.tissue.specimen import Specimen
 
-SUBSTEP = 5e-5
-"""Time step of the equations of motion [s]."""
+SUBSTEP = 5e-5  # time step of the equations of motion [s]
 _SUBSTEPS = 20  # a millisecond
 _DELAYS = 128  # commands under way at most, one a millisecond
-BLOCKED, BLOCKED_ONWARD = 1, 2
-"""Faults of the motor: it cannot move; it cannot move toward greater positions."""
+BLOCKED, BLOCKED_ONWARD = 1, 2  # faults of the motor: it cannot move; it cannot move toward greater positions
+# modes of the drive: no torque; follow the target speed; bring the demanded speed to zero by the ramp alone
 MODE_OFF, MODE_VELOCITY, MODE_RAMP = 0, 1, 2
-"""Modes of the drive: no torque; follow the target speed; bring the demanded speed to zero by the ramp alone."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -293,10 +291,9 @@ def turn_motor(motors: StructArray, load: float) -> None:
             motor.position = motor.carriage + motor.slipped
 
 
-CLAMP_TOLERANCE = 0.002
-"""Greatest distance of the blade from the clamp at which a specimen can be laid [m]."""
+CLAMP_TOLERANCE = 0.002  # greatest distance of the blade from the clamp at which a specimen can be laid [m]
+# distance from the blade's lower end up to the sensor, of an emulated or fake rig with an axis across the cut [m]
 ARM = 0.1
-"""Distance from the blade's lower end up to the sensor, of an emulated or fake rig with an axis across the cut [m]."""
 
 
 class EmulatedTissue:

@@ -1,4 +1,4 @@
-"""Process of the emulated rig. The server that runs in it, and the client that starts, connects to and ends it."""
+"""Process of the emulated rig: its server, and the client that starts it."""
 
 from __future__ import annotations
 
@@ -51,8 +51,7 @@ from cutenv.sim.cutting.steering import STEERED
 from cutenv.sim.tissue.grid import N_POINTS, SPACING
 from cutenv.sim.tissue.lines import straight
 
-STARTS_WITHIN = 180.0
-"""Time allowed for a start [s]; the first one on a machine compiles."""
+STARTS_WITHIN = 180.0  # time allowed for a start [s]; the first one on a machine compiles
 _ENDS_WITHIN = 5.0  # [s]
 _SWITCH = 0.0005  # [s] after which a thread lets another one run: a millisecond holds several
 

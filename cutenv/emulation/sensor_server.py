@@ -309,8 +309,7 @@ def _page_server(sensor: SensorServer, host: str, port: int) -> http.server.Thre
     return server
 
 
-NOISE = 0.4
-"""Standard deviation of each channel's noise, in counts; assumed."""
+NOISE = 0.4  # standard deviation of each channel's noise, in counts; assumed
 _DIGITAL = ("status", "loss", "reorder")  # faults of a sensor that sends packets
 _NOISES = 4096
 _RATE = 1000.0  # [Hz] of the readings; the caller of send has to keep it

@@ -1,4 +1,4 @@
-"""Emulated rig on a serial line, and its faults. Each by name, with parameters, and functions that start and end it."""
+"""Emulated rig on a serial line, and its faults."""
 
 from __future__ import annotations
 
@@ -128,11 +128,10 @@ GRBL_FAULTS: dict[str, InjectedFault] = {
 """Every fault of a rig with GRBL, by name; those of the machine's own line begin with "grbl"."""
 
 
+# load cell before its converter: noise as assumed of a cell for 50 N; the converter averages it
 CELL = SensorParameters(force_delay=0.0, force_noise=0.01, force_resolution=0.0)
-"""Load cell before its converter: noise as assumed of a cell for 50 N; the converter averages it."""
 _SPEED_OVER = 10  # ms over which the carriage's speed is taken: a step is 2.5 um
-SWITCHES = 0.002
-"""Distance beyond the ends of travel at which the limit switches open [m]."""
+SWITCHES = 0.002  # distance beyond the ends of travel at which the limit switches open [m]
 _FULL = 8_388_607  # counts of the converter's range
 
 
@@ -294,7 +293,7 @@ class EmulatedSerialRig(EmulatedBench):
 
 
 class EmulatedGrblRig(EmulatedSerialRig):
-    """Emulated rig on two serial lines. A machine with GRBL, and the board, whose motor pins are open."""
+    """Emulated rig on two serial lines: a machine with GRBL, and the board."""
 
     faults: ClassVar[Mapping[str, InjectedFault]] = GRBL_FAULTS
 

@@ -1,4 +1,4 @@
-"""Tissue of an emulated or fake rig along a line. The law in the plane under a blade that two axes lead."""
+"""Tissue of an emulated or fake rig along a line."""
 
 from __future__ import annotations
 

@@ -23,10 +23,8 @@ from cutenv.rig.plant import REST_WITHIN, TURN_RATE
 from cutenv.rig.safety.monitors import RISE_OVER
 from cutenv.rig.travel import RAISE_SPEED, SLOW_TURN
 
-AHEAD = 0.010
-"""Distance by which the blade is ahead of the tip in tissue [m]."""
-SHORTEST_TRAVEL = 0.015 + AHEAD
-"""Far end of travel that the shortest cut needs [m]."""
+AHEAD = 0.010  # distance by which the blade is ahead of the tip in tissue [m]
+SHORTEST_TRAVEL = 0.015 + AHEAD  # far end of travel that the shortest cut needs [m]
 _CLAMP_ROOM = 5e-4  # [m] before the clamp: a blade that returns to it overshoots by less
 _UPRIGHT_ROOM = math.radians(0.5)  # [rad] beyond 90 degrees, for the same reason
 _STOP_WITHIN = 0.25  # [s] allowed for a quick stop from the axis's top speed

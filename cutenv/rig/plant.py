@@ -191,28 +191,21 @@ class ReadingGrid:
 class Timing:
     """Timing of the control clock since the last :meth:`cutenv.rig.plant.RigPlant.begin`."""
 
-    periods: list[float] = field(default_factory=list)
-    """Times from command to command [s]."""
+    periods: list[float] = field(default_factory=list)  # times from command to command [s]
     latencies: list[float] = field(default_factory=list)
     """Times from the newest reading that a decision used to its command on the bus [s]."""
-    lateness: list[float] = field(default_factory=list)
-    """Delays of commands behind their due time [s]."""
-    overruns: int = 0
-    """Number of commands more than 2 ms late."""
-    skipped: float = 0.0
-    """Time lost to late commands, beyond whole periods [s]."""
-    garbled: int = 0
-    """Number of packets that were not readings."""
+    lateness: list[float] = field(default_factory=list)  # delays of commands behind their due time [s]
+    overruns: int = 0  # number of commands more than 2 ms late
+    skipped: float = 0.0  # time lost to late commands, beyond whole periods [s]
+    garbled: int = 0  # number of packets that were not readings
 
 
 _LATE = 0.002  # [s] after the end of a period, from which a command counts as an overrun
 _TURN_GAIN = 16.0  # [1/s] gain of the angle's position loop, closed at every SYNC
 _TURN_LAG = 0.040  # [s] lag of the hinge's own loop; this one looks ahead by it, to avoid overshoot
-TURN_RATE = math.radians(90.0)
-"""Greatest rate of turn during a cut, equal to the simulated rig's [rad/s]."""
+TURN_RATE = math.radians(90.0)  # greatest rate of turn during a cut, equal to the simulated rig's [rad/s]
 _APART = 1e-3  # [m] between places that are noted on the blade's way
-REST_WITHIN = 2.0
-"""Time allowed for a blade to come to rest after a stop [s]."""
+REST_WITHIN = 2.0  # time allowed for a blade to come to rest after a stop [s]
 
 
 class RigPlant(Travel):

@@ -83,8 +83,7 @@ class RemoteSpine:
         self._closing = False
         self._taking_in, self._heard_at = False, 0.0
         self._why_ended = ""
-        self.lost: StopReport | None = None
-        """Report of the spine's own end, if it ended before it was closed."""
+        self.lost: StopReport | None = None  # report of the spine's own end, if it ended before it was closed
 
     @property
     def gone(self) -> bool:

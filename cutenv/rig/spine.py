@@ -26,8 +26,7 @@ from cutenv.rig.safety.supervisor import Supervisor
 
 _SAME_RATE = 0.02  # relative difference allowed between the sensor's rate and the file's
 _LOCKED_WITHIN = 0.5  # [s] for the last zero speed to be on the bus
-CLOSED_WITHIN = 8.0
-"""Time for a driver to close [s]: to bring its axis to rest, and to switch its power off."""
+CLOSED_WITHIN = 8.0  # time for a driver to close [s]: to bring its axis to rest, and to switch its power off
 _log = logging.getLogger(__name__)
 
 
@@ -49,8 +48,7 @@ class Spine:
     is set by hand, and angle commands are ignored; ``follows``: False for a replayed cut only.
     """
 
-    gone = False
-    """False: it lives as long as this process."""
+    gone = False  # False: it lives as long as this process
 
     def __init__(
         self,

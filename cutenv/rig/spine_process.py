@@ -197,22 +197,19 @@ def _memory_file(length: int) -> int:
     return file
 
 
+# command: its mark, number, the parent of the program, time, speed or rate, angle, hold, height, side [SI]
 COMMAND = struct.Struct("<c7xqq6d")
-"""Command: its mark, number, the parent of the program, time, speed or rate, angle, hold, height, side [SI]."""
-GO, TURN, DONE = b"D", b"T", b"O"
-"""Marks of a message's first byte; a call is pickled, and begins otherwise."""
-REPLY = struct.Struct("<c7xqd")
-"""Reply to a command: :data:`DONE`, its number, the angle to turn to [rad]."""
+GO, TURN, DONE = b"D", b"T", b"O"  # marks of a message's first byte; a call is pickled, and begins otherwise
+REPLY = struct.Struct("<c7xqd")  # reply to a command: :data:`DONE`, its number, the angle to turn to [rad]
 
 
 OF_SPINE = ("power", "switch_off", "set_zero", "drive_limits", "about", "tare")
 """Methods of :class:`~cutenv.rig.spine.Spine` that the program may call."""
 OF_SUPERVISOR = ("release", "lock", "lower", "reset")
 """Methods of :class:`~cutenv.rig.safety.supervisor.Supervisor` that it may call."""
-SEEN = ("latched", "beyond", "pressed", "relieving", "standing")
-"""Properties of the supervisor that it may read."""
+SEEN = ("latched", "beyond", "pressed", "relieving", "standing")  # properties of the supervisor that it may read
+# greatest time for which a command may be valid [s]; the blade goes on for so long without the program
 LONGEST_HOLD = 1.0
-"""Greatest time for which a command may be valid [s]; the blade goes on for so long without the program."""
 _DETAIL = 1200  # [bytes] of a detail that are written
 _LONGEST_MESSAGE = 1 << 16  # [bytes] of a command or call
 _WRITTEN_WITHIN = 0.5  # [s] for what was logged last to be written

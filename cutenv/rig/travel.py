@@ -15,22 +15,18 @@ from cutenv.rig.errors import RigError
 from cutenv.rig.safety.oversight import Oversight
 from cutenv.rig.safety.stop_causes import Cause, RigStopped, StopReport
 
-RAISE_SPEED = 0.005
-"""Speed at which the blade is moved across the cut outside of it [m/s]."""
-SLOW_TURN = math.radians(10.0)
-"""Rate of turn outside a cut [rad/s]."""
-AIMED = math.radians(0.05)
-"""Error below which the hinge is not moved [rad]."""
-SLICE = 0.02
-"""Time of waiting outside a cut, at a time [s]."""
+RAISE_SPEED = 0.005  # speed at which the blade is moved across the cut outside of it [m/s]
+SLOW_TURN = math.radians(10.0)  # rate of turn outside a cut [rad/s]
+AIMED = math.radians(0.05)  # error below which the hinge is not moved [rad]
+SLICE = 0.02  # time of waiting outside a cut, at a time [s]
+# validity of a command outside a cut [s]: a busy computer may be late, at 5 mm/s by a quarter of a millimetre
 VALID = 0.05
-"""Validity of a command outside a cut [s]: a busy computer may be late, at 5 mm/s by a quarter of a millimetre."""
 _ARRIVED = 2e-5  # [m] distance at which the blade has arrived
 _NEAR = 3e-4  # [m] distance at which it has passed a place on its way back
 
 
 class Travel(ABC):
-    """Part of a rig that moves its blade outside a cut. The blade waits and comes to rest as the whole rig does."""
+    """Part of a rig that moves its blade outside a cut."""
 
     settings: RigSettings  # as of :class:`~cutenv.rig.plant.RigPlant`
     clock: Clock

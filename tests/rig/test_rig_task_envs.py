@@ -40,13 +40,10 @@ class Task(NamedTuple):
     script: str
     axis: str
     action: Callable[[float, float, float], Any]
-    third: str
-    """Name of the third number of an action."""
-    group: str
-    """Name in ``info`` of the estimates."""
+    third: str  # name of the third number of an action
+    group: str  # name in ``info`` of the estimates
     estimates: set[str]
-    scale: float
-    """Depth of the blade, or distance of the line to its left, of one unit of the observation [m]."""
+    scale: float  # depth of the blade, or distance of the line to its left, of one unit of the observation [m]
 
 
 DEPTH = Task(

@@ -41,10 +41,8 @@ from cutenv.rig.devices.loop import SystemClock, preferred
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import operator_of
 
-SECTIONS_TRIED = ("blade", "angle", "height", "side", "sensor")
-"""Sections of a rig's file whose drivers can be tried."""
-Tried = dict[str, tuple[str, list[TriedPromise]]]
-"""Name of the driver, and its findings, by section."""
+SECTIONS_TRIED = ("blade", "angle", "height", "side", "sensor")  # sections of a rig's file whose drivers can be tried
+Tried = dict[str, tuple[str, list[TriedPromise]]]  # name of the driver, and its findings, by section
 
 
 def tried_drivers(rig: str, sections: list[str] | None = None) -> Tried:
@@ -98,7 +96,7 @@ def _trial_way(role: str) -> str:
 
 
 def _role_of(name: str) -> str:
-    """Return the rig file's section that a driver belongs to. A class is recognised by its methods."""
+    """Return a driver's section in the rig's file, by its methods."""
     if ":" not in name:
         only_force = name in registered_drivers(DriverKind.FORCE) and name not in registered_drivers(DriverKind.MOTION)
         return "sensor" if only_force else "blade"

@@ -47,8 +47,7 @@ _PAGE, _RECORDS = "evaluation.html", "records"
 _ASKED = (
     "policies", "task", "seed", "specimen_class", "target_length", "error", "smallest", "opening", "draws", "unknown",
 )  # fmt: skip
-SMALLEST_RETURN = 0.05
-"""Smallest difference of returns that matters, by default [1]."""
+SMALLEST_RETURN = 0.05  # smallest difference of returns that matters, by default [1]
 
 
 @reports_rig_errors("evaluate", ImportError, TypeError, refused=2)

@@ -106,8 +106,7 @@ def _without_none(hint: Any) -> Any:
 
 SECTIONS = tuple(_sections())
 
-IDENTIFIED = SECTIONS[-1]
-"""Section that the program itself writes."""
+IDENTIFIED = SECTIONS[-1]  # section that the program itself writes
 
 
 def setting_text(settings: RigSettings, field: str) -> str:

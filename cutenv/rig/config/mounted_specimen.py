@@ -1,4 +1,4 @@
-"""Specimen on a rig's bench. A drawn one on an emulated or fake rig, or a depth of cut measured by caliper."""
+"""Specimen on a rig's bench: drawn, or measured by caliper."""
 
 from __future__ import annotations
 
@@ -29,8 +29,7 @@ class MountedSpecimen:
     tissue: TissueDescription | None = None
     specimen: Specimen | None = None
     """Specimen that is given instead of drawn; seed and episode then only select the sensor's noise."""
-    layers: Layers | None = None
-    """Layers over its depth, for a rig with a height axis; default one tissue throughout."""
+    layers: Layers | None = None  # layers over its depth, for a rig with a height axis; default one tissue throughout
     line: CutLine | None = None
     """Line along which its profiles lie, for a rig with an axis to the side; default the axis of the slab."""
 

@@ -116,10 +116,8 @@ class Axis:
 class CrossAxis(Axis):
     """Drive that moves the blade straight across the cut, with limits."""
 
-    ends: ClassVar[tuple[str, str]]
-    """Names of the fields for the two ends of travel at which the blade is stopped."""
-    to: ClassVar[tuple[str, str]]
-    """Words for the ways of a positive and of a negative speed."""
+    ends: ClassVar[tuple[str, str]]  # names of the fields for the two ends of travel at which the blade is stopped
+    to: ClassVar[tuple[str, str]]  # words for the ways of a positive and of a negative speed
     fastest: float = setting(
         0.0265, "cm_s", "Speed either way at which the blade is stopped. Commands reach 96 % of it.", 1e-4, 0.5,
         why="2.54 cm/s, and 4 % for the loop",
@@ -200,7 +198,7 @@ class HeightAxis(CrossAxis):
 
 @dataclass(frozen=True, kw_only=True)
 class SideAxis(CrossAxis):
-    """Drive that moves the blade to the side, and its limits. Places are to the left of the middle of the clamp."""
+    """Drive that moves the blade to the side; places are left of the middle."""
 
     ends: ClassVar[tuple[str, str]] = ("rightmost", "leftmost")
     to: ClassVar[tuple[str, str]] = ("to the left", "to the right")
@@ -220,7 +218,7 @@ class SideAxis(CrossAxis):
 
 @dataclass(frozen=True, kw_only=True)
 class Bus:
-    """Settings of the CAN bus, in python-can's terms. Settings that an interface does not use are ignored."""
+    """Settings of the CAN bus, in python-can's terms; unused ones are ignored."""
 
     interface: str = setting("socketcan", "1", "socketcan, slcan, socketcand, ...", example='"socketcan"')
     channel: str = setting("can0", "1", "can0, /dev/ttyACM0, ...")
@@ -467,17 +465,12 @@ class CameraSettings:
 class Reach(NamedTuple):
     """Limits of a straight axis, at which the blade is stopped."""
 
-    low: float
-    """Ends of travel [m]."""
+    low: float  # ends of travel [m]
     high: float
-    speed: float
-    """Either way [m/s]."""
-    acceleration: float
-    """[m/s2]."""
-    following: float
-    """Distance from where the blade should be [m]."""
-    axis: Axis
-    """The drive."""
+    speed: float  # either way [m/s]
+    acceleration: float  # [m/s2]
+    following: float  # distance from where the blade should be [m]
+    axis: Axis  # the drive
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""Camera beside the rig. A process of its own reads it and measures the depth, so that it can delay nothing here."""
+"""Camera beside the rig, read by a process that can delay nothing here."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ from typing import Any
 
 from cutenv.rig.config.settings import CameraSettings
 
-CAMERA_NOTE = "camera"
-"""Key in a record's metadata under which stands what became of the camera's frames."""
+CAMERA_NOTE = "camera"  # key in a record's metadata under which stands what became of the camera's frames
 _PATIENCE = 30.0  # for the depth to be put into a record [s]
 
 

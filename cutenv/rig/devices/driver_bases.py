@@ -1,4 +1,4 @@
-"""Bases of drivers: an axis with latch, a sensor with tare. They open and close in order, and wait."""
+"""Bases of drivers: an axis with latch, a sensor with tare."""
 
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ from cutenv.rig.errors import RigError
 
 _log = logging.getLogger(__name__)
 
-STATE_LIMIT = 1.0
-"""Time for a device to change its state [s]."""
+STATE_LIMIT = 1.0  # time for a device to change its state [s]
 
 
 class AxisDriver(ABC):
@@ -28,12 +27,9 @@ class AxisDriver(ABC):
     on some a command would start the blade again. ``clock`` dates reports without a time of their own.
     """
 
-    device: ClassVar[str]
-    """Word for the device in messages."""
-    silence: ClassVar[str]
-    """Words in the log for what :meth:`withhold_heartbeat` does."""
-    report_limit: ClassVar[float]
-    """Time for a report to arrive [s]."""
+    device: ClassVar[str]  # word for the device in messages
+    silence: ClassVar[str]  # words in the log for what :meth:`withhold_heartbeat` does
+    report_limit: ClassVar[float]  # time for a report to arrive [s]
 
     def __init__(self, name: str, settings: Axis, clock: Clock) -> None:
         self.name = name
@@ -216,11 +212,9 @@ class AxisDriver(ABC):
             raise RigError(f"{self.name}: not open.")
 
 
-FIRST_READING = 2.0
-"""Time within which the first reading must arrive [s]."""
+FIRST_READING = 2.0  # time within which the first reading must arrive [s]
 
-Counts = tuple[int, int, int, int, int, int]
-"""Counts of forces and torques of one reading."""
+Counts = tuple[int, int, int, int, int, int]  # counts of forces and torques of one reading
 
 
 class StreamedSensor(ABC):
@@ -231,8 +225,7 @@ class StreamedSensor(ABC):
     ``rate_error`` its greatest relative error, ``axes`` are the forces that it measures.
     """
 
-    name: str
-    """Name of the sensor, for messages."""
+    name: str  # name of the sensor, for messages
 
     def __init__(self, clock: Clock, rate: float, *, rate_error: float, axes: str = "xyz") -> None:
         self.rate, self.rate_error, self.axes = rate, rate_error, axes

@@ -49,8 +49,7 @@ KIND_OF_ROLE = {
 }
 """Kind of driver that each section of a rig's file takes."""
 
-OPTIONS = "options"
-"""Name of the table of a driver's own keys, as in ``[blade.options]``."""
+OPTIONS = "options"  # name of the table of a driver's own keys, as in ``[blade.options]``
 SHIPPED_DRIVERS: Mapping[DriverKind, Mapping[str, str]] = {
     DriverKind.MOTION: {
         "canopen": "cutenv.rig.devices.standard_drivers:mounted_axis",
@@ -191,7 +190,7 @@ class RegisteredDriver(NamedTuple):
     target: str  # ``module:attribute``
 
     def load(self) -> Callable[[Mounting], Any]:
-        """Import the driver's class or function; raise ValueError if it cannot be imported, or cannot be called."""
+        """Import the driver's class or function; raise ValueError if it is none."""
         try:
             made = EntryPoint(name=self.name, value=self.target, group=self.kind.group).load()
         except ModuleNotFoundError as error:
@@ -223,7 +222,7 @@ def registered_drivers(kind: DriverKind) -> dict[str, RegisteredDriver]:
 
 
 def driver_named(kind: DriverKind, name: str) -> RegisteredDriver:
-    """Return a driver by its registered name or ``module:Class``; raise ValueError if there is none of that name."""
+    """Return a driver by its registered name or ``module:Class``."""
     module, colon, attribute = name.partition(":")
     if colon and module and attribute:
         import_from_here()

@@ -26,10 +26,8 @@ _log = logging.getLogger(__name__)
 _FINE = 0.0005  # [s] before the end, from which waiting goes on in short steps
 _SLEPT = 0.1  # [s] at a time, at most: a clock that jumps holds nobody up for longer
 _STEP = 0.001  # [s] step by which a fake clock moves while it waits
-READ_EVERY = 0.0005
-"""Period at which the loop reads what has arrived from bus and sensor [s]."""
-AT_ONCE = 64
-"""Reports that it reads from one device at a time, at most: others have to be judged as well."""
+READ_EVERY = 0.0005  # period at which the loop reads what has arrived from bus and sensor [s]
+AT_ONCE = 64  # reports that it reads from one device at a time, at most: others have to be judged as well
 
 
 class Repeating(Protocol):
@@ -285,12 +283,9 @@ class Owner:
             )
 
 
-PRIORITY = 10
-"""Priority from 1 to 99: above every ordinary process, below the kernel's own threads."""
-NICENESS = -10
-"""Niceness of the thread that decides, from -20, the least considerate, to 19."""
-SWITCH = 0.0005
-"""Time after which Python lets another thread run [s]; the default of 5 ms is five force readings."""
+PRIORITY = 10  # priority from 1 to 99: above every ordinary process, below the kernel's own threads
+NICENESS = -10  # niceness of the thread that decides, from -20, the least considerate, to 19
+SWITCH = 0.0005  # time after which Python lets another thread run [s]; the default of 5 ms is five force readings
 
 
 def prefer(*, first_in: bool = False) -> bool:

@@ -27,10 +27,8 @@ from cutenv.rig.devices.loop import AT_ONCE, Attempt, Clock
 from cutenv.rig.devices.reading_stream import LEAK, SEQUENCES, Zero
 from cutenv.rig.errors import RigError
 
-PORT = 49152
-"""UDP port of a sensor as delivered."""
-PACKET_HEADER = 0x1234
-"""First two bytes of every request."""
+PORT = 49152  # UDP port of a sensor as delivered
+PACKET_HEADER = 0x1234  # first two bytes of every request
 
 _REQUEST = struct.Struct("!HHI")
 _PACKET = struct.Struct("!IIIiiiiii")
@@ -146,8 +144,7 @@ def status_meaning(status: int) -> str:
 
 
 SETTINGS_PATH = "/netftapi2.xml"
-LARGEST = 1 << 20
-"""Greatest size of a page [byte]; a real one has about 4000."""
+LARGEST = 1 << 20  # greatest size of a page [byte]; a real one has about 4000
 
 _COUNTS = (1e-3, 1e12)  # least and greatest number of counts in a unit
 _RATES = (1.0, 1e5)  # [Hz]

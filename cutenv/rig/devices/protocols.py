@@ -19,14 +19,10 @@ from cutenv.rig.errors import RigError
 class Phase(StrEnum):
     """State of a rig, which decides whether it may move."""
 
-    UNREADY = "unready"
-    """Locked: drives may be switched on and off at zero speed."""
-    READY = "ready"
-    """Released: commands go to the drives."""
-    STOPPED = "stopped"
-    """Stopped: only quick stops go to the drives, until the operator agrees to a reset."""
-    RESETTING = "resetting"
-    """Being reset: the operator has agreed, and the drives are brought to rest without power."""
+    UNREADY = "unready"  # locked: drives may be switched on and off at zero speed
+    READY = "ready"  # released: commands go to the drives
+    STOPPED = "stopped"  # stopped: only quick stops go to the drives, until the operator agrees to a reset
+    RESETTING = "resetting"  # being reset: the operator has agreed, and the drives are brought to rest without power
 
 
 class Event(Enum):

@@ -12,12 +12,9 @@ from typing import Protocol
 from cutenv._base.validation import in_range
 from cutenv.rig.errors import RigError
 
-SEQUENCES = 1 << 32
-"""Numbers of readings, which are counted modulo this."""
-LEAK = 1e-3
-"""Rate at which the least delay may grow [s/s]: ten times the drift between two quartz clocks."""
-FAR = 100
-"""Number of readings by which an old one may come late; beyond it, the sensor has restarted."""
+SEQUENCES = 1 << 32  # numbers of readings, which are counted modulo this
+LEAK = 1e-3  # rate at which the least delay may grow [s/s]: ten times the drift between two quartz clocks
+FAR = 100  # number of readings by which an old one may come late; beyond it, the sensor has restarted
 _AHEAD = 1.0  # [s] by which a number may come early and still belong to the same stream
 
 
@@ -69,12 +66,10 @@ class SampleClock:
         return arrival, 0.0
 
 
-STEADY_FORCE = 0.1
-"""Greatest difference between the means of a tare's ten parts, for each force [N]: more is not rest."""
+STEADY_FORCE = 0.1  # greatest difference between the means of a tare's ten parts, for each force [N]: more is not rest
 _PARTS = 10  # of a tare
 
-Zero = tuple[float, float, float, float, float, float]
-"""Six counts, of forces and torques."""
+Zero = tuple[float, float, float, float, float, float]  # six counts, of forces and torques
 
 
 class CountedReading(Protocol):

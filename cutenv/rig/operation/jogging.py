@@ -1,4 +1,4 @@
-"""Jogging, which moves the blade while a key is held. The command at each instant, and the loop that sends it."""
+"""Jogging, which moves the blade while a key is held."""
 
 from __future__ import annotations
 
@@ -12,26 +12,18 @@ from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.stop_causes import WATCH
 from cutenv.sim.cutting.dtypes import TICK
 
-SPEED = 0.002
-"""Default speed of the blade [m/s]."""
-TOP_SPEED = 0.010
-"""Greatest speed that may be chosen [m/s]."""
-JOG_TURN_RATE = math.radians(5.0)
-"""Rate of turn of the blade [rad/s]."""
+SPEED = 0.002  # default speed of the blade [m/s]
+TOP_SPEED = 0.010  # greatest speed that may be chosen [m/s]
+JOG_TURN_RATE = math.radians(5.0)  # rate of turn of the blade [rad/s]
+# time after its last repeat for which a key counts as held [s]. A terminal does not report the release of a key. It
+# repeats a held key, after a first pause of 0.2 to 0.7 s, every 25 to 100 ms; when the repeats stay away, the key was
+# released. So a key that is tapped moves the blade for this long, one that is held moves it once, pauses, and moves on
+# with the first repeat
 HELD = 0.150
-"""Time after its last repeat for which a key counts as held [s].
-
-A terminal does not report the release of a key.  It repeats a held key, after a first pause of 0.2 to 0.7 s, every 25
-to 100 ms; when the repeats stay away, the key was released.  So a key that is tapped moves the blade for this long, one
-that is held moves it once, pauses, and moves on with the first repeat.
-"""
-PERIOD = 20
-"""Period of the commands [ms]."""
+PERIOD = 20  # period of the commands [ms]
+# time from a key's last repeat to the command to rest, at most [s]: 0.4 mm at 2 mm/s, and the axis's own ramp. A line
+# that delivers keys late, such as a remote shell's, adds its delay: jog beside the rig
 STOPS_WITHIN = HELD + 2 * PERIOD * TICK
-"""Time from a key's last repeat to the command to rest, at most [s]: 0.4 mm at 2 mm/s, and the axis's own ramp.
-
-A line that delivers keys late, such as a remote shell's, adds its delay: jog beside the rig.
-"""
 _LEAD = math.radians(0.5)  # [rad] lead of the commanded angle over the blade's
 _SHOWN_EVERY = 5  # periods
 
@@ -60,7 +52,7 @@ _LETTERS = {
 
 
 class KeyDecoder:
-    """Decoder from a terminal's bytes to keys. An arrow is three bytes, which may come one by one."""
+    """Decoder from a terminal's bytes to keys; an arrow is three."""
 
     def __init__(self) -> None:
         self._begun = b""
@@ -97,8 +89,7 @@ class Jog:
         self._turns, self._lifts, self._sideways = turns, lifts, sideways
         self._held: JogKey | None = None
         self._until = -math.inf
-        self.quit = False
-        """True once the person has asked to quit."""
+        self.quit = False  # True once the person has asked to quit
 
     def press(self, keys: Iterable[JogKey], time: float) -> None:
         """Take keys read at ``time`` [s]; the last one decides."""

@@ -1,4 +1,4 @@
-"""Person beside the rig, who is asked before anything moves. The questions are at a terminal, and with a time limit."""
+"""Person beside the rig, who is asked before anything moves."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ class TerminalOperator:
 
 
 class AutomaticOperator:
-    """Operator that answers yes to everything; for emulated rigs only; raise ValueError if the rig is not emulated."""
+    """Operator that answers yes to everything; for emulated rigs only."""
 
     def __init__(self, settings: RigSettings) -> None:
         if not settings.emulated:

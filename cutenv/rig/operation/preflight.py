@@ -28,10 +28,8 @@ from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.monitors import CREEP
 from cutenv.rig.travel import SLICE
 
-SETTLE = 0.3
-"""Time after switching on, before anything is checked [s]."""
-ZERO_FORCE = 0.2
-"""Greatest force allowed on a blade in air, after tare [N]."""
+SETTLE = 0.3  # time after switching on, before anything is checked [s]
+ZERO_FORCE = 0.2  # greatest force allowed on a blade in air, after tare [N]
 _NUDGE = 0.001  # [m] by which the blade is moved and brought back
 _NUDGE_SPEED = 0.002  # [m/s]
 _NUDGE_SHARE = 0.8  # [1] share of it that the encoder has to show
@@ -365,8 +363,7 @@ def _passed(checks: list[Check]) -> list[Check]:
     return checks
 
 
-LISTEN = 2.0
-"""Time for which readings, samples and heartbeats are observed [s]."""
+LISTEN = 2.0  # time for which readings, samples and heartbeats are observed [s]
 _SAME_RATE = 0.02  # relative difference allowed between measured and set rate
 _LOST = 0.1  # share of the loss limit at which this check fails
 _ZERO = "zero_set"  # report of a drive whose zero a person sets
@@ -499,8 +496,7 @@ def _motion(plant: RigPlant, name: str, recorder: Recorder, start: float, end: f
     return name, checks, about
 
 
-CAMERA_RATE = 14.0
-"""Least rate of measured frames [Hz]: 15 a second, less what counting for so short a time may miss."""
+CAMERA_RATE = 14.0  # least rate of measured frames [Hz]: 15 a second, less what counting for so short a time may miss
 _STARTING = 20.0  # time for the camera's process to measure the first frame [s]
 _STEP = 0.05  # [s]
 

@@ -113,10 +113,8 @@ class Recorder:
         return [each for each in self._motions.get(axis, []).copy() if start <= each.time < end]
 
 
-PUBLISHED_EVERY = 0.04
-"""Period at which a rig's state is published [s]."""
-LIVE_SCHEMA = "cutenv-live/1"
-"""Name of the messages' form, which each of them carries."""
+PUBLISHED_EVERY = 0.04  # period at which a rig's state is published [s]
+LIVE_SCHEMA = "cutenv-live/1"  # name of the messages' form, which each of them carries
 
 
 @contextmanager

@@ -68,14 +68,12 @@ class SpecimenKey:
 
     seed: int
     episode: int
-    target: float | None = None
-    """Length of the cut [m], along which the depth has to be known."""
-    specimen: Specimen | None = None
-    """Specimen as drawn or given; None if no program has drawn it."""
+    target: float | None = None  # length of the cut [m], along which the depth has to be known
+    specimen: Specimen | None = None  # specimen as drawn or given; None if no program has drawn it
 
 
 class SpecimenSource(Protocol):
-    """Supply that lays the next specimen. The blade is at the clamp, at rest and without power."""
+    """Supply that lays the next specimen, the blade without power."""
 
     def mount(self, key: SpecimenKey) -> NDArray[np.float64] | None:
         """Mount a specimen; return its depth, shape (301,) [m], None if already known."""
@@ -122,18 +120,14 @@ class SpecimensByHand:
         """Do nothing: the operator has taken the specimen away."""
 
 
-RETURN_SPEED = 0.005
-"""Speed of the return to the clamp between cuts [m/s]: always slow."""
-_HELD = (Cause.FORCE, Cause.TORQUE)
-"""Causes that last for as long as the specimen holds the blade at rest."""
+RETURN_SPEED = 0.005  # speed of the return to the clamp between cuts [m/s]: always slow
+_HELD = (Cause.FORCE, Cause.TORQUE)  # causes that last for as long as the specimen holds the blade at rest
 _ATTEMPTS = 3  # to reach the clamp; the operator agrees to each
 _PATIENCE = 1.0  # [s] for readings to be fresh again after this computer was busy
-START_POSITION = 0.0
-"""Position of the blade at the start of a cut [m]."""
-START_HEIGHT = 0.0
-"""Height of the blade's lower end at the start of a cut [m], on a rig with a height axis."""
+START_POSITION = 0.0  # position of the blade at the start of a cut [m]
+START_HEIGHT = 0.0  # height of the blade's lower end at the start of a cut [m], on a rig with a height axis
+# greatest change of the force at rest since the blade was in air [N]: beyond it the blade touches something
 DRIFT = 1.0
-"""Greatest change of the force at rest since the blade was in air [N]: beyond it the blade touches something."""
 _PUSHED = 5e-4  # [m] from the clamp, beyond which somebody has moved the blade
 
 

@@ -13,10 +13,8 @@ from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import Operator
 from cutenv.rig.plant import RigPlant
 
-GRAVITY = 9.80665
-"""Standard gravity [m/s2]; the local one differs by up to 0.3 %."""
-LISTENED = 2.0
-"""Time over which readings are averaged for each weight [s]."""
+GRAVITY = 9.80665  # standard gravity [m/s2]; the local one differs by up to 0.3 %
+LISTENED = 2.0  # time over which readings are averaged for each weight [s]
 _FEWEST = 10  # readings of a mean
 _STEADY = 0.05  # [1] of the step between weights, by which readings may vary: more is a weight that swings
 

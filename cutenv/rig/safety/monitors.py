@@ -13,8 +13,7 @@ from cutenv.rig.devices.protocols import DriveState, ForceSample, MotionSample
 from cutenv.rig.devices.reading_stream import LEAK, SEQUENCES, SampleClock
 from cutenv.rig.safety.stop_causes import STILL, SURPLUS, Breach, Cause, SampleRateMonitor, stuck_after
 
-RISE_OVER = 0.010
-"""Window over which a rise of force is measured, longer than noise lasts [s]."""
+RISE_OVER = 0.010  # window over which a rise of force is measured, longer than noise lasts [s]
 _LOSS_OVER = 0.100  # [s] window for the share of lost readings
 _HARDER = 0.5  # [N] beyond the least vertical force since the blade is raised to be relieved, at which it is stopped
 
@@ -170,24 +169,17 @@ def _newtons(sample: ForceSample) -> str:
     return "(" + ", ".join(f"{value:.2f}" for value in sample.force) + ") N"
 
 
-REST_SPEED = 1e-4
-"""Speed below which the blade counts as at rest [m/s]."""
-SAMPLES = 3
-"""Samples over which acceleration is measured, and standstill decided."""
-LONG = 9
-"""Samples over which speed is computed from position, whatever speed the drive reports."""
-JITTER = 1.2
-"""Factor on the limit for such a speed [1]: samples arrive unevenly."""
-CREEP = 0.002
-"""Greatest speed at which a blade returns from beyond an end of its travel [m/s]."""
+REST_SPEED = 1e-4  # speed below which the blade counts as at rest [m/s]
+SAMPLES = 3  # samples over which acceleration is measured, and standstill decided
+LONG = 9  # samples over which speed is computed from position, whatever speed the drive reports
+JITTER = 1.2  # factor on the limit for such a speed [1]: samples arrive unevenly
+CREEP = 0.002  # greatest speed at which a blade returns from beyond an end of its travel [m/s]
+# sum of the differences from the commanded way, from rest to rest, at which an axis that moves is stopped [m]
 SUMMED = 0.005
-"""Sum of the differences from the commanded way, from rest to rest, at which an axis that moves is stopped [m]."""
+# torque of a motor over its rated torque [1], at which it is stopped if it lasts for :data:`SAMPLES` samples
 MOST_TORQUE = 2.5
-"""Torque of a motor over its rated torque [1], at which it is stopped if it lasts for :data:`SAMPLES` samples."""
-FASTER = 2.0
-"""Multiple of :data:`CREEP` from which the return is a breach [1]."""
-OUTWARD = 2e-4
-"""Distance outward from the innermost position reached, from which the return is a breach [m]."""
+FASTER = 2.0  # multiple of :data:`CREEP` from which the return is a breach [1]
+OUTWARD = 2e-4  # distance outward from the innermost position reached, from which the return is a breach [m]
 
 
 def rests(samples: deque[MotionSample]) -> bool:
@@ -206,8 +198,7 @@ def elapsed(samples: deque[MotionSample], count: int, sync: float) -> float:
 
 
 _MEMORY = 0.5  # [s] time constant with which a difference is forgotten: lag and acceleration are not known exactly
-NOMINAL_LAG = 0.040
-"""Lag of a velocity loop that has not been identified [s]."""
+NOMINAL_LAG = 0.040  # lag of a velocity loop that has not been identified [s]
 
 
 class FollowingMonitor:

@@ -25,12 +25,9 @@ from cutenv.rig.safety.stop_causes import Cause, StopReport
 class Oversight(Protocol):
     """Safety of a rig, in this process or in the spine's. See :class:`cutenv.rig.safety.supervisor.Supervisor`."""
 
-    limited: int
-    """Number of commands that were reduced to a limit since :meth:`release`."""
-    settings: RigSettings
-    """Settings of the rig, with the limits that are in force."""
-    limits: SafetyLimits
-    """Limits that are in force."""
+    limited: int  # number of commands that were reduced to a limit since :meth:`release`
+    settings: RigSettings  # settings of the rig, with the limits that are in force
+    limits: SafetyLimits  # limits that are in force
 
     @property
     def phase(self) -> Phase:

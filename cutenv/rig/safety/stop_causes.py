@@ -20,8 +20,7 @@ from cutenv.rig.devices.loop import Attempt
 from cutenv.rig.devices.protocols import DriveState, MotionDriver, MotionSample
 from cutenv.rig.errors import RigError
 
-SURPLUS = 4.0
-"""Surplus of samples over SYNCs from which it is no jitter."""
+SURPLUS = 4.0  # surplus of samples over SYNCs from which it is no jitter
 _STALLED = 0.25  # [s] of samples that may come at once, after this computer has stalled
 _MEMORY = 20.0  # SYNCs after which a surplus or a lack is forgotten
 
@@ -95,13 +94,12 @@ class Breach(NamedTuple):
 
 ENDS_SESSION = (Cause.INTERRUPTED, Cause.OPERATOR, Cause.ORPHANED, Cause.SPINE)
 """Causes that end the whole session, not only one cut."""
-WATCH = 0.002
-"""Period at which the watchdog looks for overdue signals [s]."""
+WATCH = 0.002  # period at which the watchdog looks for overdue signals [s]
+# time that a blade commanded to move may stand before its encoder counts as stuck [s], on a rig with fast samples
 STUCK_AFTER = 0.060
-"""Time that a blade commanded to move may stand before its encoder counts as stuck [s], on a rig with fast samples."""
 
+# time that a force axis may stay at one count while the blade moves, if its own noise is not identified [s]
 STILL = 0.200
-"""Time that a force axis may stay at one count while the blade moves, if its own noise is not identified [s]."""
 
 
 def stuck_after(sync: float) -> float:
@@ -161,15 +159,11 @@ class StopReport:
     cause: Cause
     detail: str
     detected: float
-    commanded: float | None = None
-    """Time at which the quick stop was put on the bus [s]."""
+    commanded: float | None = None  # time at which the quick stop was put on the bus [s]
     standstill: float | None = None
-    position: float | None = None
-    """Position of the blade at detection [m]."""
-    rest_position: float | None = None
-    """Position of the blade at rest [m]."""
-    peak_force: float = 0.0
-    """Greatest norm of the force since detection [N]."""
+    position: float | None = None  # position of the blade at detection [m]
+    rest_position: float | None = None  # position of the blade at rest [m]
+    peak_force: float = 0.0  # greatest norm of the force since detection [N]
 
     @property
     def time_to_standstill(self) -> float | None:
@@ -213,14 +207,13 @@ class RigStopped(RigError):
         self.report, self.readings = report, readings
 
 
-AGAIN = 0.005
-"""Period of the timer that repeats quick stops [s]."""
+AGAIN = 0.005  # period of the timer that repeats quick stops [s]
+# time after a quick stop [s] from which it is repeated, every period, to a drive that is not seen to obey
 RESEND_STOP_AFTER = 0.010
-"""Time after a quick stop [s] from which it is repeated, every period, to a drive that is not seen to obey."""
+# time of repeated quick stops that a drive ignores, after which our heartbeat ends: its own watchdog stops it [s]
 WITHHOLD_HEARTBEAT_AFTER = 0.040
-"""Time of repeated quick stops that a drive ignores, after which our heartbeat ends: its own watchdog stops it [s]."""
+# time for a driver to return from its first quick stop [s]; those of the other axes are sent meanwhile
 RETURNS_WITHIN = 0.050
-"""Time for a driver to return from its first quick stop [s]; those of the other axes are sent meanwhile."""
 _OFTEN = 0.0005  # [s] between two answers to another master's frames: no more bus load than theirs
 
 

@@ -20,15 +20,13 @@ from cutenv.rig.errors import RigError
 from cutenv.rig.safety.monitors import CREEP, ForceMonitor, ForceReadings, MotionMonitor
 from cutenv.rig.safety.stop_causes import Breach, Cause, QuickStops, StopReport
 
-MARGIN = 1.04
-"""Ratio of the speed limit to the greatest commanded speed [1]: the drive's speed loop overshoots."""
+MARGIN = 1.04  # ratio of the speed limit to the greatest commanded speed [1]: the drive's speed loop overshoots
 _ROUNDING = 1e-9  # [m/s] of a speed that was reduced to the limit before
+# time constant near the ends of travel [s]: a speed is allowed that would take at least this long to reach the end
 BRAKING = 0.16
-"""Time constant near the ends of travel [s]: a speed is allowed that would take at least this long to reach the end."""
 _SHORT = 1e-4  # [m] from an end of travel, the distance at which the allowed speed is zero
 _STRAYED = {"blade": 0.003, "angle": math.radians(10.0), "height": 0.001, "side": 0.001}  # [m], [rad] of a locked axis
-ASLEEP = 0.060
-"""Time since the watchdog last ran, at which a reading or a command stops the blade [s]."""
+ASLEEP = 0.060  # time since the watchdog last ran, at which a reading or a command stops the blade [s]
 _SENT_WITHIN = 0.5  # [s] for the quick stops of a stop to be sent, before its reset
 _FALLEN = (DriveState.QUICK_STOP, DriveState.REACTING, DriveState.FAULT)
 
@@ -59,10 +57,8 @@ class Supervisor:
         self._latch = Latch()
         for axis in axes:
             axis.latch = self._latch
-        self.report: StopReport | None = None
-        """Report of the last stop; None before the first."""
-        self.limited = 0
-        """Number of commands that were reduced to a limit since :meth:`release`."""
+        self.report: StopReport | None = None  # report of the last stop; None before the first
+        self.limited = 0  # number of commands that were reduced to a limit since :meth:`release`
         self._lock = threading.Lock()  # of phase, report and commands; nothing is sent or awaited under it
         self._sent = threading.Event()  # not set: the quick stops of a stop are under way
         self._sent.set()

@@ -16,8 +16,7 @@ from cutenv.rig.devices.protocols import DriveState, MotionSample
 from cutenv.rig.errors import RigError
 
 _TOLD, _TOLD_EVERY = 20, 0.010  # quick stops before clearing a drive that still has power; [s] between them
-UNDER_WAY = 5
-"""Answers to SYNC that may be under way; more, and the bus is too late for a stop."""
+UNDER_WAY = 5  # answers to SYNC that may be under way; more, and the bus is too late for a stop
 _LIMITED = 3  # statuswords with an internal limit, from which it is no start of a motion
 _REST = 0.01  # [1] share of the top speed below which an axis counts as at rest
 _STATUS, _MEASURED = o.STATUS_PDO.layout, o.MEASURED_PDO.layout
@@ -36,10 +35,8 @@ class CanopenAxis(AxisDriver):
 
     def __init__(self, network: CanNetwork, settings: Axis, clock: Clock, *, name: str = "blade") -> None:
         super().__init__(name, settings, clock)
-        self.garbled = 0
-        """Number of frames from the drive that violated the standard and were ignored."""
-        self.last_garbled = ""
-        """Fault of the last such frame, as a text."""
+        self.garbled = 0  # number of frames from the drive that violated the standard and were ignored
+        self.last_garbled = ""  # fault of the last such frame, as a text
         self._network = network
         self._dictionary: SdoChannel | None = None
         self._units: AxisUnits | None = None
@@ -148,7 +145,7 @@ class CanopenAxis(AxisDriver):
         self._control(o.QUICK_STOP)
 
     def disable(self) -> None:
-        """Switch off the power of an axis at rest; raise RigError if it does not come to rest, or does not answer."""
+        """Switch off the power at rest; raise RigError without rest or answer."""
         self._power_off()
 
     def clear(self) -> None:

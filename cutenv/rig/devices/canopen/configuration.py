@@ -1,4 +1,4 @@
-"""Object dictionary of a drive by SDO. Its set-up is read, compared, written and read back, before it moves."""
+"""Object dictionary of a drive by SDO, and its set-up."""
 
 from __future__ import annotations
 
@@ -103,8 +103,7 @@ class SdoChannel:
         return f"{self._name}: node {self._node}"
 
 
-PRODUCER_PERIOD = 0.050
-"""Period of a drive's heartbeat [s]."""
+PRODUCER_PERIOD = 0.050  # period of a drive's heartbeat [s]
 _FIRST_QUESTIONS = 4  # times the answer limit of an SDO: a drive that was just switched on is booting
 
 

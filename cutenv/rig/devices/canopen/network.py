@@ -24,8 +24,7 @@ from cutenv.rig.devices.loop import AT_ONCE, READ_EVERY, Clock, Repeating
 from cutenv.rig.devices.protocols import Latch
 from cutenv.rig.errors import RigError
 
-PATIENCE = 2.0
-"""Time allowed for a gateway to accept the connection, and for each answer [s]."""
+PATIENCE = 2.0  # time allowed for a gateway to accept the connection, and for each answer [s]
 _LONGEST = 200  # characters of a message
 _IDENTIFIER = r"([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})"
 # More than 8 bytes are not a frame of CANopen; its listener ignores them.
@@ -81,7 +80,7 @@ class Socketcand:
         return self._frames.popleft() if self._frames else None
 
     def send(self, message: Any, timeout: float | None = None) -> None:
-        """Put a frame on the bus; raise GatewayError if the gateway does not accept it within ``timeout`` [s]."""
+        """Put a frame on the bus within ``timeout`` [s]; raise GatewayError."""
         number = f"{message.arbitration_id:08X}" if message.is_extended_id else f"{message.arbitration_id:03X}"
         data = "".join(f" {byte:02X}" for byte in message.data)
         self._put(f"< send {number} {len(message.data)}{data} >", timeout)
@@ -230,13 +229,12 @@ def bus_arguments(settings: Bus) -> dict[str, Any]:
 
 _log = logging.getLogger(__name__)
 
-DRIVE_PATIENCE = 0.100
-"""Time without this computer's heartbeat after which a drive stops by itself [s]."""
+DRIVE_PATIENCE = 0.100  # time without this computer's heartbeat after which a drive stops by itself [s]
 _SEND_LIMIT = 0.02  # [s] for the bus to accept a frame
 _LISTENED = 0.15  # [s] before the first frame is sent: three heartbeats of another program like this one
 _FORGIVEN = 1.0  # [s] after which one answer to SYNC that has not come no longer counts
+# answers to SYNC taken for lost, at most, until a reset: a bus that is later and later seems to lose them as well
 TAKEN_FOR_LOST = 10
-"""Answers to SYNC taken for lost, at most, until a reset: a bus that is later and later seems to lose them as well."""
 _SDO_REQUESTS = range(0x601, 0x680)
 _BUS_OFF = 0x40  # in the number of an error frame, as Linux and socketcand give it
 
@@ -246,10 +244,8 @@ Handler = Callable[[bytes, float], None]
 class Member(Protocol):
     """Member of a network. One axis, which is informed when the network breaks."""
 
-    name: str
-    """Name of the axis."""
-    latch: Latch
-    """Latch of the rig, which knows when it was last judged, and which heartbeats are withheld."""
+    name: str  # name of the axis
+    latch: Latch  # latch of the rig, which knows when it was last judged, and which heartbeats are withheld
 
     def lost(self, why: str, time: float) -> None:
         """Take the report of a lost bus since ``time`` [s]."""
@@ -280,8 +276,7 @@ class CanNetwork:
             "A drive stops after 0.1 s without; two must fit into it, for one may be late.",
         )  # fmt: skip
         self.settings = settings
-        self.broken: str | None = None
-        """Reason why nothing gets through, None while all is well."""
+        self.broken: str | None = None  # reason why nothing gets through, None while all is well
         self._clock = clock
         self._members: list[Member] = []
         self._handlers: dict[int, Handler] = {}
@@ -369,7 +364,7 @@ class CanNetwork:
         self._usual[node] = self._syncs - self._answers.get(node, 0), self._syncs, 0
 
     def manage(self, command: int, node: int) -> None:
-        """Send a network management command to a node; raise RigError if the bus does not accept it."""
+        """Send a network management command to a node."""
         self.send_message(NMT_FRAME, bytes((command, node)))
 
     def _open(self) -> None:

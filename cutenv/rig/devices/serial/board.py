@@ -1,4 +1,4 @@
-"""Board on a serial port that axis and sensor share. Reading, sign of life, break of the line; lines ``TEXT*CRC``."""
+"""Board on a serial port that axis and sensor share; lines ``TEXT*CRC``."""
 
 from __future__ import annotations
 
@@ -13,10 +13,8 @@ from cutenv.rig.devices.loop import READ_EVERY, Clock, Repeating
 from cutenv.rig.devices.serial.ports import open_port, write_line
 from cutenv.rig.errors import RigError
 
-LINE_LENGTH = 72
-"""Bytes of a line at most, with its CRC."""
-BOARD_PROTOCOL = 1
-"""Version of the protocol, which the board reports."""
+LINE_LENGTH = 72  # bytes of a line at most, with its CRC
+BOARD_PROTOCOL = 1  # version of the protocol, which the board reports
 _START = 0xFFFF  # CRC-16/CCITT-FALSE
 
 
@@ -30,7 +28,7 @@ class BoardState(IntEnum):
 
 
 class BoardFlag(IntFlag):
-    """Flags of the board. They tell of its pins at this moment, and of what has stopped it until it is cleared."""
+    """Flags of the board: its pins now, and what has stopped it."""
 
     ZEROED = 1
     AT_LOW = 2
@@ -131,10 +129,9 @@ def _shown(line: bytes) -> str:
 
 _log = logging.getLogger(__name__)
 
+# time without a line from this computer after which a powered stepper stops by itself [s]; that of the sketch
 BOARD_PATIENCE = 0.100
-"""Time without a line from this computer after which a powered stepper stops by itself [s]; that of the sketch."""
-BEAT = 0.025
-"""Period of this computer's sign of life [s]: three may be late."""
+BEAT = 0.025  # period of this computer's sign of life [s]: three may be late
 _ANSWER, _AGAIN = 0.6, 0.15  # [s] for an answer; [s] after which it is asked again
 _BOOT = 5.0  # [s] for a board that restarts when its port is opened
 _WRITE = 0.02  # [s] for the port to take a line

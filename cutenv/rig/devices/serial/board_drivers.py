@@ -30,8 +30,7 @@ from cutenv.rig.devices.serial.board import (
 from cutenv.rig.devices.serial.ports import is_pseudo_terminal
 from cutenv.rig.errors import RigError
 
-FASTEST_STEPS = 20_000
-"""Steps a second that the sketch takes at most; that of an 8-bit board may make fewer."""
+FASTEST_STEPS = 20_000  # steps a second that the sketch takes at most; that of an 8-bit board may make fewer
 _LEAST_ACCELERATION = 1000  # [steps/s2] of the sketch, which counts in milliseconds
 
 
@@ -105,10 +104,8 @@ def check_stepper(rig: RigSettings, role: str) -> None:
 
 
 _BOARD_CLOCK = 0.02  # [1] relative error of a board's clock, a ceramic resonator at worst
-LATE_REPORT = 0.050
-"""Delay of the board's reports beyond the least one, at which the line is too late for a stop [s]."""
-BOARD_PERIOD = 0.010
-"""Period at which the board reports its position [s]; that of the sketch."""
+LATE_REPORT = 0.050  # delay of the board's reports beyond the least one, at which the line is too late for a stop [s]
+BOARD_PERIOD = 0.010  # period at which the board reports its position [s]; that of the sketch
 
 
 def on_pseudo_terminal(rig: RigSettings, role: str) -> bool:
@@ -241,7 +238,7 @@ class StepperAxis(AxisDriver):
         self._board.send("Q")
 
     def disable(self) -> None:
-        """Switch off the power of an axis at rest; raise RigError if it does not come to rest, or does not answer."""
+        """Switch off the power at rest; raise RigError without rest or answer."""
         self._may_move = False
         self._rested()
         self._board.send("X")
