@@ -18,17 +18,14 @@ if TYPE_CHECKING:
 def main(argv: Sequence[str]) -> int:
     """Check records; return 0 (sound), 1 (not), 2 (bad input)."""
     arguments = _parser().parse_args(argv)
-    from cutenv.commands.inputs import record_files
-    from cutenv.records import ColumnMap, RecordError
+    from cutenv.commands.inputs import given_mapping, record_files
+    from cutenv.records import RecordError
     from cutenv.records.importers import readings_in
     from cutenv.records.scoring.record_check import record_faults
 
-    if arguments.unit is not None and arguments.map is None:
-        raise ValueError("--unit goes with --map: cutenv's own files have their units in the header.")
-    mapping = None if arguments.map is None else ColumnMap.parse(arguments.map, unit=arguments.unit)
-    files = record_files(arguments)
+    mapping = given_mapping(arguments)
     told: list[dict[str, object]] = []
-    for path in files:
+    for path in record_files(arguments):
         try:
             records = readings_in(path, mapping)
         except RecordError as error:

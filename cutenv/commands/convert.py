@@ -18,16 +18,15 @@ from cutenv.commands.options import command_parser, made_place, reports_errors
 def main(argv: Sequence[str]) -> int:
     """Convert records; return 0, or 2 on bad input."""
     arguments = _parser().parse_args(argv)
-    from cutenv.records import ColumnMap, read_record, save
+    from cutenv.commands.inputs import given_mapping
+    from cutenv.records import read_record, save
     from cutenv.records.files import check_format
     from cutenv.records.foreign.cut_detection import STANDARD
 
     check_format(arguments.out)
     if arguments.out.exists() and not arguments.force:
         raise ValueError(f"--out {arguments.out} exists; give another name, or --force to replace it.")
-    if arguments.unit is not None and arguments.map is None:
-        raise ValueError("--unit goes with --map: cutenv's own files have their units in the header.")
-    mapping = None if arguments.map is None else ColumnMap.parse(arguments.map, unit=arguments.unit)
+    mapping = given_mapping(arguments)
     made_place("--out", arguments.out)
     traces = []
     for path in arguments.records:

@@ -162,13 +162,7 @@ class FakeDrive:
 
 def drive_limits(axis: Axis) -> dict[str, float]:
     """Return the limits a drive with these settings would report."""
-    return {
-        "low": axis.low,
-        "high": axis.high,
-        "speed": axis.speed,
-        "acceleration": axis.acceleration,
-        "quick_stop": axis.quick_stop,
-    }
+    return {name: getattr(axis, name) for name in ("low", "high", "speed", "acceleration", "quick_stop")}
 
 
 class FakeSensor:

@@ -16,7 +16,6 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from cutenv._base.output import atomic_write
@@ -249,7 +248,7 @@ class RunningEmulator:
             self.settings = emulated_settings(ready, angle_mode=angle_mode, angle=angle, across=across)
             self.control = EmulatorControl(ready["control"])  # client of its control port
         except BaseException:
-            self._end()
+            self.close()
             raise
 
     def _ready(self, timeout: float) -> dict[str, Any]:
@@ -266,7 +265,8 @@ class RunningEmulator:
         ready: dict[str, Any] = json.loads(line)
         return ready
 
-    def _end(self) -> None:
+    def close(self) -> None:
+        """End the process; may be called twice."""
         if self._process.poll() is None:
             self._process.terminate()
             try:
@@ -295,17 +295,11 @@ class RunningEmulator:
         """Exit status of the process; None while it runs."""
         return self._process.poll()
 
-    def close(self) -> None:
-        """End the process; may be called twice."""
-        self._end()
-
     def __enter__(self) -> RunningEmulator:
         """Return itself; it is running."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """End the process."""
         self.close()
 

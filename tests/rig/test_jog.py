@@ -146,22 +146,13 @@ def test_l_and_r_move_a_blade_to_the_side_that_has_the_axis() -> None:
     assert rig.plant.place("side") - middle == pytest.approx(0.0, abs=0.2 * way)
     assert re.search(r"left +[+-]0\.\d\d mm", shown[-1])
     assert KeyDecoder().feed(b"lR") == [JogKey.TO_LEFT, JogKey.TO_RIGHT]
-    without = Jog(turns=True)
-    without.press([JogKey.TO_LEFT], 1.0)
-    assert (without.command(1.01), without.aside()) == ((0.0, 0.0), 0.0)
 
 
-def test_without_the_axis_u_and_d_stop_as_any_other_key() -> None:
-    controls = Jog(turns=True)
-    controls.press([JogKey.FORWARD, JogKey.RAISE], 1.0)
-    assert controls.command(1.01) == (0.0, 0.0)
-    assert controls.rise() == 0.0
-
-
-def test_without_a_hinge_up_and_down_do_nothing() -> None:
-    controls = Jog(turns=False)
-    controls.press([JogKey.SLANT], 1.0)
-    assert controls.command(1.01) == (0.0, 0.0)
+@pytest.mark.parametrize("key", [JogKey.RAISE, JogKey.SLANT, JogKey.TO_LEFT])
+def test_without_its_axis_a_key_stops_as_any_other(key: JogKey) -> None:
+    controls = Jog()
+    controls.press([JogKey.FORWARD, key], 1.0)
+    assert not any(controls.command(1.01))
 
 
 def test_the_end_of_travel_is_not_passed(rig: FakeRig) -> None:

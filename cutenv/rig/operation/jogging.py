@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from enum import Enum
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from cutenv._base.validation import in_range
 from cutenv.rig.plant import RigPlant
@@ -51,6 +51,22 @@ _LETTERS = {
 }  # fmt: skip
 
 
+_WAYS = {
+    JogKey.FORWARD: ("along", 1.0), JogKey.BACK: ("along", -1.0), JogKey.UPRIGHT: ("turn", 1.0),
+    JogKey.SLANT: ("turn", -1.0), JogKey.RAISE: ("up", 1.0), JogKey.LOWER: ("up", -1.0),
+    JogKey.TO_LEFT: ("left", 1.0), JogKey.TO_RIGHT: ("left", -1.0),
+}  # fmt: skip
+
+
+class JogSpeeds(NamedTuple):
+    """Speeds along the cut, upwards and to the left [m/s], and rate of turn [rad/s]."""
+
+    along: float = 0.0
+    turn: float = 0.0
+    up: float = 0.0
+    left: float = 0.0
+
+
 class KeyDecoder:
     """Decoder from a terminal's bytes to keys; an arrow is three."""
 
@@ -86,7 +102,7 @@ class Jog:
         self, speed: float = SPEED, *, turns: bool = False, lifts: bool = False, sideways: bool = False
     ) -> None:
         self.speed = in_range("speed", speed, 1e-4, TOP_SPEED, "m/s", "Jogging is slow: 2 mm/s is 0.002.")
-        self._turns, self._lifts, self._sideways = turns, lifts, sideways
+        self._axes = {"along"} | {name for name, has in (("turn", turns), ("up", lifts), ("left", sideways)) if has}
         self._held: JogKey | None = None
         self._until = -math.inf
         self.quit = False  # True once the person has asked to quit
@@ -98,23 +114,14 @@ class Jog:
             self._held = None if self.quit or key is JogKey.OTHER else key
             self._until = time + HELD
 
-    def command(self, time: float) -> tuple[float, float]:
-        """Return speed [m/s] and rate of turn [rad/s] at ``time`` [s]."""
+    def command(self, time: float) -> JogSpeeds:
+        """Return the speeds at ``time`` [s]."""
         if time >= self._until:
             self._held = None
-        speed = {JogKey.FORWARD: self.speed, JogKey.BACK: -self.speed}.get(self._held or JogKey.OTHER, 0.0)
-        rate = {JogKey.UPRIGHT: JOG_TURN_RATE, JogKey.SLANT: -JOG_TURN_RATE}.get(self._held or JogKey.OTHER, 0.0)
-        return speed, rate if self._turns else 0.0
-
-    def rise(self) -> float:
-        """Return the upward speed [m/s] at the last :meth:`command`."""
-        up = {JogKey.RAISE: self.speed, JogKey.LOWER: -self.speed}.get(self._held or JogKey.OTHER, 0.0)
-        return up if self._lifts else 0.0
-
-    def aside(self) -> float:
-        """Return the leftward speed [m/s] at the last :meth:`command`."""
-        left = {JogKey.TO_LEFT: self.speed, JogKey.TO_RIGHT: -self.speed}.get(self._held or JogKey.OTHER, 0.0)
-        return left if self._sideways else 0.0
+        axis, way = _WAYS.get(self._held or JogKey.OTHER, ("", 0.0))
+        if axis not in self._axes:
+            return JogSpeeds()
+        return JogSpeeds(**{axis: way * (JOG_TURN_RATE if axis == "turn" else self.speed)})
 
 
 class Keyboard(Protocol):
@@ -138,14 +145,14 @@ def jog(plant: RigPlant, keyboard: Keyboard, controls: Jog, show: Callable[[str]
     plant.begin()
     while not controls.quit:
         controls.press(keyboard.read(), clock.now())
-        speed, rate = controls.command(clock.now())
-        if rate:
+        speeds = controls.command(clock.now())
+        if speeds.turn:
             now = plant.angle
-            wanted = min(max(angle + rate * PERIOD * TICK, now - _LEAD), now + _LEAD)
+            wanted = min(max(angle + speeds.turn * PERIOD * TICK, now - _LEAD), now + _LEAD)
             angle = min(max(wanted, limits.angle_low), limits.angle_high)
-        left = controls.aside()
-        plant.heading.begin(math.copysign(0.5 * math.pi, left) if left else 0.0)  # the axes lead it where it points
-        plant.advance(abs(left) or speed, angle, PERIOD, -controls.rise())
+        ahead = math.copysign(0.5 * math.pi, speeds.left) if speeds.left else 0.0
+        plant.heading.begin(ahead)  # the axes lead it where it points
+        plant.advance(abs(speeds.left) or speeds.along, angle, PERIOD, -speeds.up)
         if count % _SHOWN_EVERY == 0:
             show(status(plant))
         count += 1

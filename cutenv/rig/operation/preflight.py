@@ -103,15 +103,7 @@ def _limit(name: str, axis: Axis, what: str, answered: float) -> Check:
 def moving_checks(plant: RigPlant) -> list[Check]:
     """Move the released blade by 1 mm, turn it by 1 degree; check encoders."""
     checks = [_moved_and_back(plant, name, axis) for name, axis in plant.settings.cross_axes.items()]
-    start = plant.position
-    way = _NUDGE if start + _NUDGE < plant.settings.limits.high else -_NUDGE
-    plant.travel(start + way, speed=_NUDGE_SPEED)
-    there = plant.position - start
-    plant.travel(start, speed=_NUDGE_SPEED)
-    back = plant.position - start
-    well = there / way > _NUDGE_SHARE and abs(back) < (1.0 - _NUDGE_SHARE) * _NUDGE
-    found = f"moved {1e3 * there:+.3f} of {1e3 * way:+.2f} mm, and back to {1e3 * back:+.3f} mm"
-    checks.append(Check("encoder", well, found))
+    checks.append(_moved_and_back(plant, "blade", None))
     if plant.settings.angle is not None:
         begun = plant.angle
         turn = -_TURN if begun - _TURN > plant.settings.limits.angle_low else _TURN
@@ -123,9 +115,9 @@ def moving_checks(plant: RigPlant) -> list[Check]:
     return checks
 
 
-def _first_way(plant: RigPlant, name: str, axis: CrossAxis) -> float:
-    """Return the first way of a cross axis's self-test [m]."""
-    return _NUDGE if plant.place(name) + _NUDGE < axis.bounds[1] else -_NUDGE
+def _first_way(plant: RigPlant, name: str) -> float:
+    """Return the first way of a straight axis's self-test [m]."""
+    return _NUDGE if plant.place(name) + _NUDGE < plant.settings.reaches[name].high else -_NUDGE
 
 
 def _ask_direction(plant: RigPlant, name: str, axis: CrossAxis, operator: Operator) -> None:
@@ -133,7 +125,7 @@ def _ask_direction(plant: RigPlant, name: str, axis: CrossAxis, operator: Operat
 
     With a wrong ``direction`` the encoder agrees with the commands. Raise RigError if the operator does not agree.
     """
-    first, then = axis.to if _first_way(plant, name, axis) > 0.0 else axis.to[::-1]
+    first, then = axis.to if _first_way(plant, name) > 0.0 else axis.to[::-1]
     if not operator.confirm(f"The blade has moved by {1e3 * _NUDGE:g} mm. Did it go {first} first, and then {then}?"):
         raise RigError(
             f"the operator has not confirmed that the blade went {first} first: nothing is cut. If it went {then}, "
@@ -227,19 +219,25 @@ def _ask_motion(plant: RigPlant, operator: Operator) -> None:
         )
 
 
-def _moved_and_back(plant: RigPlant, name: str, axis: CrossAxis) -> Check:
-    """Move the released blade across by a millimetre and back; return the check.
+def _moved_and_back(plant: RigPlant, name: str, across: CrossAxis | None) -> Check:
+    """Move a released straight axis by a millimetre and back; return the check.
 
-    Near the upper or left end of its travel it goes the other way first.
+    Near the far, upper or left end of its travel it goes the other way first.
     """
-    start, way = plant.place(name), _first_way(plant, name, axis)
-    plant.carry(name, start + way, speed=_NUDGE_SPEED)
-    there = plant.place(name) - start
-    plant.carry(name, start, speed=_NUDGE_SPEED)
-    back = plant.place(name) - start
+    start, way = plant.place(name), _first_way(plant, name)
+
+    def moved_to(place: float) -> float:
+        if across is None:
+            plant.travel(place, speed=_NUDGE_SPEED)
+        else:
+            plant.carry(name, place, speed=_NUDGE_SPEED)
+        return plant.place(name) - start
+
+    there, back = moved_to(start + way), moved_to(start)
     well = there / way > _NUDGE_SHARE and abs(back) < (1.0 - _NUDGE_SHARE) * _NUDGE
-    found = f"moved {axis.to[0]} {1e3 * there:+.3f} of {1e3 * way:+.2f} mm, and back to {1e3 * back:+.3f} mm"
-    return Check(f"{name} encoder", well, found)
+    to = "" if across is None else f"{across.to[0]} "
+    found = f"moved {to}{1e3 * there:+.3f} of {1e3 * way:+.2f} mm, and back to {1e3 * back:+.3f} mm"
+    return Check("encoder" if across is None else f"{name} encoder", well, found)
 
 
 def return_inside(plant: RigPlant) -> None:
