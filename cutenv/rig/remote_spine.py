@@ -91,11 +91,7 @@ class RemoteSpine:
         return self.lost is not None
 
     def open(self, receiver: Receiver) -> None:
-        """Start the process, and connect to drives and sensor; nothing moves.
-
-        Raise RigError, ValueError if a device is missing or not as expected, or a driver refuses its settings; nothing
-        stays open.
-        """
+        """Start the process, and connect to drives and sensor; nothing moves."""
         if os.name == "nt":
             raise RigError("a rig is moved from Linux or macOS: there its safety has a process of its own.")
         self._receiver, self._owner = receiver, Owner()
@@ -163,10 +159,7 @@ class RemoteSpine:
     # Calls and commands
 
     def call(self, name: str, *arguments: Any, **named: Any) -> Any:
-        """Have the spine do something that is named, and return its answer.
-
-        Raise RigError, ValueError as it does; or if it has ended, or does not answer.
-        """
+        """Have the spine do something that is named, and return its answer."""
         self._owner.check()
         with self._calling:
             number = next(self._numbers)

@@ -149,10 +149,7 @@ class Spine:
         return isinstance(self.axes[0], ZeroedByHand)
 
     def set_zero(self) -> None:
-        """Take the blade's present position, without power, as zero: it stands at the clamp.
-
-        Raise RigError if its drive keeps a zero of its own, or does not take it.
-        """
+        """Take the blade's present position, without power, as zero: it stands at the clamp."""
         blade = self.axes[0]
         if not isinstance(blade, ZeroedByHand):
             raise RigError(
@@ -240,10 +237,7 @@ def tare_readings(rate: float) -> int:
 
 
 def mounted_spine(settings: RigSettings, clock: Clock) -> Spine:
-    """Make the spine of a rig from the drivers that its file names, without connecting to it.
-
-    Raise ValueError if a driver that its file names does not exist, or refuses its settings.
-    """
+    """Make the spine of a rig from the drivers that its file names, without connecting to it."""
     shared = dict[Any, Any]()
 
     def made(role: str) -> Any:

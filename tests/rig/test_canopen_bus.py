@@ -24,18 +24,22 @@ from cutenv.rig.errors import RigError
 
 
 @pytest.fixture
-def drive() -> Iterator[MadeUpDrive]:
-    drive = MadeUpDrive()
-    yield drive
-    drive.close()
+def ear() -> Ear:
+    return Ear()
 
 
-def opened(drive: MadeUpDrive, ear: Ear) -> tuple[CanNetwork, CanopenAxis]:
-    network = CanNetwork(Bus(interface="virtual", channel=drive.channel), SystemClock())
+@pytest.fixture
+def network(drive: MadeUpDrive) -> CanNetwork:
+    return CanNetwork(Bus(interface="virtual", channel=drive.channel), SystemClock())
+
+
+@pytest.fixture
+def axis(network: CanNetwork, ear: Ear) -> Iterator[CanopenAxis]:
     axis = CanopenAxis(network, Axis(), SystemClock())
     axis.open(ear)
     axis.enable()
-    return network, axis
+    yield axis
+    axis.close()
 
 
 @pytest.mark.parametrize(
@@ -141,9 +145,7 @@ def fail_to_send(*arguments: object, **keywords: object) -> None:
     raise can.CanOperationError("Transmit buffer full")
 
 
-def test_a_frame_that_cannot_be_sent_is_told_once_and_the_drive_is_left_to_stop_by_itself(drive):
-    ear = Ear()
-    network, axis = opened(drive, ear)
+def test_a_frame_that_cannot_be_sent_is_told_once_and_the_drive_is_left_to_stop_by_itself(drive, network, axis, ear):
     network._bus.send = fail_to_send
     until(lambda: ear.breaks)
     assert ear.breaks == [("blade", network.broken)]
@@ -163,27 +165,22 @@ def test_a_frame_that_cannot_be_sent_is_told_once_and_the_drive_is_left_to_stop_
     assert len(ear.breaks) == 1
 
 
-def test_who_meets_the_break_while_holding_a_lock_that_the_listener_needs_does_not_hang(drive):
-    lock = threading.Lock()
+def test_who_meets_the_break_while_holding_a_lock_that_the_listener_needs_does_not_hang(network, axis, ear):
+    lock, broken = threading.Lock(), ear.broken
 
-    class Locking(Ear):
-        def broken(self, axis: str, why: str, time: float) -> None:
-            if lock.acquire(timeout=2.0):  # else it would have waited for ever
-                super().broken(axis, why, time)
-                lock.release()
+    def locking(*what: object) -> None:
+        if lock.acquire(timeout=2.0):  # else it would have waited for ever
+            broken(*what)
+            lock.release()
 
-    ear = Locking()
-    network, axis = opened(drive, ear)
+    ear.broken = locking
     network._bus.send = fail_to_send
     with lock, pytest.raises(RigError):
         axis.command(0.01)
     until(lambda: ear.breaks)
-    axis.close()
 
 
-def test_a_bus_that_cannot_be_read_is_broken(drive):
-    ear = Ear()
-    network, axis = opened(drive, ear)
+def test_a_bus_that_cannot_be_read_is_broken(network, axis, ear):
 
     def fail(timeout: float) -> None:
         raise OSError("device gone")
@@ -191,24 +188,18 @@ def test_a_bus_that_cannot_be_read_is_broken(drive):
     network._bus.recv = fail
     until(lambda: ear.breaks)
     assert "device gone" in ear.breaks[0][1]
-    axis.close()
 
 
-def test_bus_off_is_found_out_by_its_error_frame(drive):
-    ear = Ear()
-    _, axis = opened(drive, ear)
+def test_bus_off_is_found_out_by_its_error_frame(drive, axis, ear):
     other = can.Bus(interface="virtual", channel=drive.channel)
     other.send(can.Message(arbitration_id=0x004, is_error_frame=True, data=bytes(8)))
     other.send(can.Message(arbitration_id=0x040, is_error_frame=True, data=bytes(8)))
     other.shutdown()
     until(lambda: ear.breaks)
     assert "bus-off" in ear.breaks[0][1]
-    axis.close()
 
 
-def test_a_sender_that_hangs_does_not_hang_the_others(drive):
-    ear = Ear()
-    network, axis = opened(drive, ear)
+def test_a_sender_that_hangs_does_not_hang_the_others(network, axis, ear):
     hanging = threading.Event()
     network._bus.send = lambda message, timeout: hanging.wait(10.0)
     until(lambda: network._sending.locked())  # SYNC
@@ -218,25 +209,18 @@ def test_a_sender_that_hangs_does_not_hang_the_others(drive):
     assert time.monotonic() - before < 2.0
     until(lambda: ear.breaks)
     hanging.set()
-    axis.close()
 
 
-def test_a_listener_that_fails_is_told_as_a_break_and_the_reader_goes_on(drive):
-    class Failing(Ear):
-        def motion(self, axis: str, sample: object) -> None:
-            self.samples.append(sample)
-            if len(self.samples) == 20:
-                raise KeyError("a bug")
+def test_a_listener_that_fails_is_told_as_a_break_and_the_reader_goes_on(axis, ear):
+    def fail(axis: str, sample: object) -> None:
+        raise KeyError("a bug")
 
-    ear = Failing()
-    _, axis = opened(drive, ear)
+    ear.motion = fail
     until(lambda: ear.breaks)
     assert "KeyError('a bug')" in ear.breaks[0][1]
-    axis.close()
 
 
-def test_two_axes_share_one_bus_that_the_last_one_closes(drive):
-    network = CanNetwork(Bus(interface="virtual", channel=drive.channel), SystemClock())
+def test_two_axes_share_one_bus_that_the_last_one_closes(network):
     blade = CanopenAxis(network, Axis(), SystemClock())
     angle = CanopenAxis(network, Axis(node=2), SystemClock(), name="angle")
     blade.open(Ear())
@@ -248,7 +232,7 @@ def test_two_axes_share_one_bus_that_the_last_one_closes(drive):
         network.send_message(0x080, b"")
 
 
-def served(server: socket.socket, *said: bytes) -> None:
+def served(server: socket.socket, *said: bytes, hangs_up: bool = False) -> None:
     """A gateway that greets with the first of ``said``, and answers what it is told with the others, in pieces."""
 
     def serve() -> None:
@@ -260,7 +244,7 @@ def served(server: socket.socket, *said: bytes) -> None:
                 for piece in text.split(b"|"):
                     connection.sendall(piece)
                     time.sleep(0.02)
-            while connection.recv(256):
+            while connection.recv(256) and not hangs_up:
                 pass
 
     threading.Thread(target=serve, daemon=True).start()
@@ -337,6 +321,9 @@ def refusal_or_break(port: int) -> str:
         def lost(self, why: str, time: float) -> None:
             told.append(why)
 
+        def overheard(self, number: int, data: bytes, time: float) -> None:
+            pass
+
     try:
         network.join(member := Member())
     except RigError as error:
@@ -373,10 +360,9 @@ def test_what_is_no_message_is_left_out_and_what_follows_is_read(text):
         (0x601, b"\x40\x00\x10\x00\0\0\0\0", "questions to node 1"),
     ],
 )
-def test_another_master_is_met_before_anything_is_sent(drive, number, data, message):
+def test_another_master_is_met_before_anything_is_sent(drive, network, number, data, message):
     other = can.Bus(interface="virtual", channel=drive.channel)
     task = other.send_periodic(can.Message(arbitration_id=number, data=data, is_extended_id=False), 0.02)
-    network = CanNetwork(Bus(interface="virtual", channel=drive.channel), SystemClock())
     axis = CanopenAxis(network, Axis(), SystemClock())
     time.sleep(0.1)
     drive.frames()
@@ -391,35 +377,7 @@ def test_another_master_is_met_before_anything_is_sent(drive, number, data, mess
 
 
 def test_a_gateway_that_goes_away_is_found_out_by_the_next_frames():
-    """A socketcand gateway of a few lines, which hangs up."""
-    gone = threading.Event()
     with socket.create_server(("127.0.0.1", 0)) as server:
-
-        def serve() -> None:
-            connection, _ = server.accept()
-            connection.sendall(b"< hi >")
-            for _ in range(2):
-                connection.recv(256)
-                connection.sendall(b"< ok >")
-            connection.recv(256)
-            connection.close()
-            gone.set()
-
-        threading.Thread(target=serve, daemon=True).start()
-        told: list[str] = []
-
-        class Member:
-            name, latch = "blade", Latch()
-
-            def lost(self, why: str, time: float) -> None:
-                told.append(why)
-
-            def overheard(self, number: int, data: bytes, time: float) -> None:
-                pass
-
-        network = CanNetwork(Bus(interface="socketcand", channel="can0", port=server.getsockname()[1]), SystemClock())
-        network.join(member := Member())
-        gone.wait(5.0)
-        until(lambda: told)
-        assert "has gone" in told[0] or "hung up" in told[0]
-        network.leave(member)
+        served(server, b"< hi >", b"< ok >", b"< ok >", hangs_up=True)
+        said = refusal_or_break(server.getsockname()[1])
+        assert "has gone" in said or "hung up" in said

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from contextlib import closing
 from datetime import date
 from pathlib import Path
 
@@ -105,8 +106,7 @@ def test_a_rig_that_another_program_has_is_told_and_left_alone(
     with start(free_air=True) as emulator:
         settings = dataclasses.replace(emulator.settings, depth_profile=((0.0, 0.01), (0.15, 0.01)))
         file.write_text(to_toml(settings))
-        plant = rig_plant(settings)
-        try:
+        with closing(rig_plant(settings)) as plant:
             plant.open()
             plant.power()
             assert cli.main(["rig", "check", str(file)]) == 1  # of another process: each rig has its spine's
@@ -120,8 +120,6 @@ def test_a_rig_that_another_program_has_is_told_and_left_alone(
             # On a busy host a drive may have stopped by itself, for want of our heartbeat; nobody commanded it.
             report = plant.supervisor.report
             assert report is None or report.cause is not Cause.FOREIGN
-        finally:
-            plant.close()
         cli.main(["rig", "check", str(file)])
         alone = capsys.readouterr().out
         assert "ok   blade axis" in alone, alone  # else a busy host may have gaps in its streams

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from contextlib import closing
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -336,14 +337,11 @@ def test_an_action_beyond_the_top_speed_is_reduced_alike_in_one_cut_in_many_and_
         assert np.array_equal(observation, every[0])
         most = greatest_action(top_speed(slow_settings("/dev/x")))
         assert observation[LAST_SPEED] == pytest.approx(np.clip(speed, -most, most))
-    rig = RigCutEnv(rig="fake", lower_limits={"speed": 0.005}, control_hz=10)
-    try:
+    with closing(RigCutEnv(rig="fake", lower_limits={"speed": 0.005}, control_hz=10)) as rig:
         rig.reset(seed=4)
         observation, *_, info = rig.step(np.array([1.0, 1.0]))
         assert observation[LAST_SPEED] == pytest.approx(most)
         assert info["rig"]["limited"] == 1
-    finally:
-        rig.close()
 
 
 def test_training_for_a_rig_takes_its_angle_its_decisions_and_its_constants(tmp_path: Path) -> None:

@@ -80,11 +80,7 @@ class AxisDriver(ABC):
     # Life cycle
 
     def open(self, listener: MotionListener) -> None:
-        """Connect, check who answers, write and verify the set-up.
-
-        Samples arrive from now on, nothing moves. Raise RigError if it is open already, bus or port is missing or
-        taken, no device or a wrong one answers, or its set-up is not that of the rig's file.
-        """
+        """Connect, check who answers, write and verify the set-up."""
         if self._listener is not None:
             raise RigError(f"{self.name}: it is open already; close it first.")
         self._listener = listener
@@ -115,10 +111,7 @@ class AxisDriver(ABC):
     # Commands
 
     def enable(self) -> None:
-        """Switch the power on, at rest. Clears no fault: see :meth:`clear`.
-
-        Raise RigError if it was stopped, is in fault, does not know where the blade is, or does not power on in time.
-        """
+        """Switch the power on, at rest. Clears no fault: see :meth:`clear`."""
         self._fresh()
         self._switch_on()
         with self._changed:
@@ -127,11 +120,7 @@ class AxisDriver(ABC):
             raise RigError(f"{self.name}: stopped while it was powered on{self._error}; clear it first.")
 
     def command(self, speed: float) -> None:
-        """Send a target speed [m/s or rad/s], without waiting.
-
-        Raise TypeError, ValueError if the speed is not a number, or beyond the axis's top speed; RigError if the axis
-        is not enabled, was stopped, or bus or line is broken.
-        """
+        """Send a target speed [m/s or rad/s], without waiting."""
         target = self._target(speed)
         if not self._may_move or self._state is not DriveState.ENABLED:
             raise RigError(f"{self.name}: {self._lost or f'not enabled, {self._condition()}'}.")
@@ -266,10 +255,7 @@ class StreamedSensor(ABC):
     # Life cycle
 
     def open(self, listener: ForceListener) -> None:
-        """Connect, start the stream, and wait for the first reading.
-
-        Raise RigError if it is open already, no such sensor answers, or no reading comes in time.
-        """
+        """Connect, start the stream, and wait for the first reading."""
         if self._listener is not None:
             raise RigError(f"The {self.name} is open already: close it first.")
         self._begin_again()

@@ -97,18 +97,11 @@ class CanopenAxis(AxisDriver):
         self._network.leave(self)
 
     def limits(self) -> dict[str, float]:
-        """Return the drive's own travel, "speed", "acceleration" and "quick_stop".
-
-        The ends of travel are the software limits "low" and "high". Raise RigError if it is not open, or the drive does
-        not answer.
-        """
+        """Return the drive's own travel, "speed", "acceleration" and "quick_stop"."""
         return configuration.read_limits(self._book, self.units)
 
     def about(self) -> dict[str, float | str]:
-        """Return the drive's identity, gear, encoder, units and response time.
-
-        Raise RigError if it is not open, or the drive does not answer.
-        """
+        """Return the drive's identity, gear, encoder, units and response time."""
         asked = self._clock.now()
         word = self._book.read(o.STATUSWORD)
         trip = self._clock.now() - asked
@@ -149,10 +142,7 @@ class CanopenAxis(AxisDriver):
         self._power_off()
 
     def clear(self) -> None:
-        """Leave quick stop or fault for rest without power, within the latch's reset.
-
-        Raise RigError if the fault stays because its cause does, or the drive does not answer.
-        """
+        """Leave quick stop or fault for rest without power, within the latch's reset."""
         self._fresh()
         if self._for_good:
             self._book.put(o.QUICK_STOP_OPTION, o.STOP_AND_STAY)

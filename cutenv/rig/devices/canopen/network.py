@@ -33,10 +33,7 @@ _ERROR = re.compile(rf"< error {_IDENTIFIER} \d+\.\d+ >\Z")
 
 
 class GatewayError(OSError):
-    """Error for a gateway that cannot be used.
-
-    It is missing, is not one, does not answer, or has gone; the message says which.
-    """
+    """Error for a gateway that cannot be used."""
 
 
 class Socketcand:
@@ -210,10 +207,7 @@ def open_bus(settings: Bus) -> Any:
 
 
 def bus_arguments(settings: Bus) -> dict[str, Any]:
-    """Return the arguments of python-can's class for the interface.
-
-    Raise ValueError if the channel is not valid for the interface.
-    """
+    """Return the arguments of python-can's class for the interface."""
     if settings.interface == "socketcand":
         return {"channel": settings.channel, "host": settings.host, "port": settings.port}
     if settings.interface == "kvaser":
@@ -293,10 +287,7 @@ class CanNetwork:
         return f"{self.settings.interface} {self.settings.channel}"
 
     def join(self, member: Member) -> None:
-        """Add a member; the first opens the bus.
-
-        Raise RigError if the bus cannot be opened or is broken, or another master is on it.
-        """
+        """Add a member; the first opens the bus."""
         with self._joining:
             if not self._members:
                 self._open()

@@ -178,10 +178,7 @@ class StepperAxis(AxisDriver):
         self._board.leave(self)
 
     def limits(self) -> dict[str, float]:
-        """Return "low", "high", "speed", "acceleration" and "quick_stop" read back.
-
-        Raise RigError if it is not open, or does not answer.
-        """
+        """Return "low", "high", "speed", "acceleration" and "quick_stop" read back."""
         kept: StepperSetup = self._board.ask("P", StepperSetup)
         low, high = sorted(map(self._rates.metres, (kept.low, kept.high)))
         speed, acceleration, quick = (
@@ -211,10 +208,7 @@ class StepperAxis(AxisDriver):
         return bool(self._report.flags & BoardFlag.ZEROED)
 
     def set_zero(self) -> None:
-        """Take the present unpowered position, at the clamp, as zero.
-
-        Raise RigError if the stepper has power, or the board does not answer.
-        """
+        """Take the present unpowered position, at the clamp, as zero."""
         self._board.send("Z")
         self._await(lambda: self.zeroed and self._report.steps == 0, "set its zero: has the stepper power?")
 
@@ -245,10 +239,7 @@ class StepperAxis(AxisDriver):
         self._await(lambda: self._state is not DriveState.ENABLED, "switch its power off")
 
     def clear(self) -> None:
-        """Leave quick stop or fault for rest without power, within the latch's reset.
-
-        Raise RigError if the cause is still there, or the board does not answer.
-        """
+        """Leave quick stop or fault for rest without power, within the latch's reset."""
         self._fresh()
         self._error = ""
         self._may_move = False
