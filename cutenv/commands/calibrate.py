@@ -12,17 +12,8 @@ from pathlib import Path
 
 from cutenv._base.imports import require
 from cutenv._base.output import atomic_write, watched
+from cutenv.commands import options
 from cutenv.commands.inputs import read_records
-from cutenv.commands.options import (
-    add_layer_depth,
-    add_option,
-    add_record_options,
-    command_parser,
-    layer_depth_given,
-    length_given,
-    made_place,
-    reports_errors,
-)
 from cutenv.records import Provenance, TissueHandling
 from cutenv.records.measurement.calibration import RESAMPLES, check_resamples, measure_cuts, tissue_of, with_findings
 from cutenv.records.measurement.measured_cut import MeasuredCut, in_layers
@@ -32,15 +23,15 @@ from cutenv.sim.tissue import CutModel, TissueDescription
 from cutenv.sim.trace import Trace
 
 
-@reports_errors("calibrate")
+@options.reports_errors("calibrate")
 def main(argv: Sequence[str]) -> int:
     """Calibrate; return 0, or 2 on bad input."""
     arguments = _parser().parse_args(argv)
     _check_outputs(arguments)
     check_resamples(arguments.resamples)
     require(*["statsmodels"] * arguments.within_specimens)
-    boundary = layer_depth_given(arguments)
-    capsule = length_given(arguments, "capsule_thickness", (1e-5, 0.005), "Write 0.2mm.")
+    boundary = options.layer_depth_given(arguments)
+    capsule = options.length_given(arguments, "capsule_thickness", (1e-5, 0.005), "Write 0.2mm.")
     model = CutModel(element=arguments.element, formulation=arguments.formulation, poisson=arguments.poisson)
     records = read_records(arguments)
     for note in [*records.notes, *differences_in_handling(records.traces)]:
@@ -128,11 +119,11 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
         raise ValueError(f"--report {arguments.report} would write its data over --out; give it another name.")
     for option, path in (("--out", arguments.out), ("--report", arguments.report)):
         if path is not None:
-            made_place(option, path)
+            options.made_place(option, path)
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = command_parser(
+    parser = options.command_parser(
         "calibrate",
         __doc__,
         examples=(
@@ -145,12 +136,12 @@ def _parser() -> argparse.ArgumentParser:
         "records do not give is taken from pig liver, and the result marks it so.",
     )
     add = parser.option
-    add_record_options(parser)
+    options.add_record_options(parser)
     add("--out FILE.json", "tissue file to write", Path, required=True)
     add("--report FILE.html", "validation card; its data beside it as .json", Path)
     add("--name NAME", "name of the tissue; default the file's")
     add("--resamples N", f"bootstrap resamples for the intervals; default {RESAMPLES}", RESAMPLES)
-    add_layer_depth(parser, "searched in records of cuts in steps of depth")
+    options.add_layer_depth(parser, "searched in records of cuts in steps of depth")
     add(
         "--capsule-thickness LENGTH",
         "thickness of the capsule, with its unit: 0.2mm; default: nothing is said of a capsule",
@@ -166,13 +157,13 @@ def _parser() -> argparse.ArgumentParser:
         "blade_used_m in the records' metadata, else the sum of the cuts before",
     )
     model = parser.add_argument_group("finite-element model that the moduli belong to")
-    add_option(model, "--element", "element; default quad8", "quad8", choices=["quad4", "quad8"])
-    add_option(
+    options.add_option(model, "--element", "element; default quad8", "quad8", choices=["quad4", "quad8"])
+    options.add_option(
         model,
         "--formulation",
         "plane model; default plane_stress",
         "plane_stress",
         choices=["plane_stress", "plane_strain"],
     )
-    add_option(model, "--poisson NU", "Poisson's ratio; default 0.3", 0.3)
+    options.add_option(model, "--poisson NU", "Poisson's ratio; default 0.3", 0.3)
     return parser

@@ -11,20 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cutenv.commands.options import (
-    add_lsl,
-    add_specimen_class,
-    add_target_length,
-    add_task,
-    add_tissue,
-    check_line,
-    check_place,
-    command_parser,
-    drawn_given,
-    made_picture,
-    reports_errors,
-    target_length,
-)
+from cutenv.commands import options
 from cutenv.sim.tissue.drawn_lines import KINDS
 from cutenv.task.registry import TASKS
 
@@ -37,7 +24,7 @@ _DEFAULT_CLASS = "liver"
 _EMULATED, _EMULATED_TARGET = "emulated-inverse3", 0.08  # [m]
 
 
-@reports_errors("play")
+@options.reports_errors("play")
 def main(argv: Sequence[str]) -> int:
     """Play; return 0, 1 without the extra, 2 on bad input."""
     arguments = _parser().parse_args(argv)
@@ -54,7 +41,7 @@ def main(argv: Sequence[str]) -> int:
     from cutenv.records.foreign.lsl import LslOutlet
 
     course = _course_of(arguments)
-    length = target_length(arguments)
+    length = options.target_length(arguments)
     by_itself = arguments.scripted or arguments.device == _EMULATED
     if arguments.scripted and arguments.device != "mouse":
         raise ValueError(f"--scripted moves the hand by itself, and --device {arguments.device} has one. Give either.")
@@ -64,11 +51,11 @@ def main(argv: Sequence[str]) -> int:
             "would have to act in the plane. Leave --device out."
         )
     if arguments.line is not None:
-        check_line(arguments.line, [arguments.task])
-    drawn_given(arguments)  # refuses a file that is no tissue
+        options.check_line(arguments.line, [arguments.task])
+    options.drawn_given(arguments)  # refuses a file that is no tissue
     if arguments.picture is not None:
-        made_picture("--picture", arguments.picture)
-    check_place("--out", arguments.out)  # made when everything else is known to be right
+        options.made_picture("--picture", arguments.picture)
+    options.check_place("--out", arguments.out)  # made when everything else is known to be right
     agent = _agent_of(arguments)
     axes = None if arguments.axes is None else HandleAxes.parse(arguments.axes)
     open_display()  # before what takes half a minute where it has to be compiled
@@ -164,7 +151,7 @@ def _course_of(arguments: argparse.Namespace) -> CourseProgress | None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = command_parser(
+    parser = options.command_parser(
         "play",
         __doc__,
         examples=(
@@ -182,17 +169,17 @@ def _parser() -> argparse.ArgumentParser:
         "Training feedback for research; not validated for assessment or credentialing of people.",
     )
     add = parser.option
-    add_task(parser, "played", "; a blade that also moves up and down is led by the wheel")
+    options.add_task(parser, "played", "; a blade that also moves up and down is led by the wheel")
     add("--line", "drawn line to cut along; default mixed, which is any of them", choices=(*KINDS, "mixed"))
     add(
         "--policy POLICY",
         "share the cut with an agent, named as for 'cutenv evaluate': it cuts, and you lead while you hold space, "
         "an arrow key, the mouse button, or the first button of a handle or gamepad",
     )
-    add_specimen_class(parser, _DEFAULT_CLASS)
+    options.add_specimen_class(parser, _DEFAULT_CLASS)
     parser.set_defaults(specimen_class=None)  # so that it is known whether it was given
-    add_tissue(parser)
-    add_target_length(parser, "drawn from 60mm to 100mm")
+    options.add_tissue(parser)
+    options.add_target_length(parser, "drawn from 60mm to 100mm")
     add(
         "--course COURSE",
         "file of a course, or the name of one that comes with cutenv (first, force-shown, depth, path): goes on "
@@ -221,6 +208,6 @@ def _parser() -> argparse.ArgumentParser:
         "axes of a haptic device along the cut, for leaning the blade, and upwards, such as --axes=-y,x,z; a "
         "minus turns one round; default x,y,z, of Force Dimension y,x,z",
     )
-    add_lsl(parser)
+    options.add_lsl(parser)
     add("--picture FILE", "PNG of the last picture to write", Path)
     return parser

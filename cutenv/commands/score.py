@@ -11,20 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cutenv.commands.options import (
-    add_depth_options,
-    add_language,
-    add_line,
-    add_record_options,
-    add_target_length,
-    command_parser,
-    layer_depth_given,
-    line_given,
-    made_folder,
-    reports_errors,
-    target_length,
-    wanted_depth_given,
-)
+from cutenv.commands import options
 
 if TYPE_CHECKING:  # what scores is slow to import, and --help does not need it
     from cutenv.records.scoring import ReferenceSet
@@ -33,7 +20,7 @@ if TYPE_CHECKING:  # what scores is slow to import, and --help does not need it
 PAGES_NEED = ("jinja2", "matplotlib")  # libraries without which a record is scored on the terminal alone
 
 
-@reports_errors("score")
+@options.reports_errors("score")
 def main(argv: Sequence[str]) -> int:
     """Score; return 0, or 2 on bad input."""
     arguments = _parser().parse_args(argv)
@@ -44,9 +31,13 @@ def main(argv: Sequence[str]) -> int:
     from cutenv.records.scoring.reference import fitting_reference
 
     if (pages := all(map(find_spec, PAGES_NEED))) or arguments.example:
-        made_folder("--out", arguments.out)
-    target, wanted, layer = target_length(arguments), wanted_depth_given(arguments), layer_depth_given(arguments)
-    line = line_given(arguments)
+        options.made_folder("--out", arguments.out)
+    target, wanted, layer = (
+        options.target_length(arguments),
+        options.wanted_depth_given(arguments),
+        options.layer_depth_given(arguments),
+    )
+    line = options.line_given(arguments)
     reference = reference_set(arguments.reference)
     if arguments.example:
         if arguments.records:
@@ -145,7 +136,7 @@ def reference_set(given: str) -> ReferenceSet | None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = command_parser(
+    parser = options.command_parser(
         "score",
         __doc__,
         examples=(
@@ -160,11 +151,11 @@ def _parser() -> argparse.ArgumentParser:
         note="Training feedback for research; not validated for assessment or credentialing of people.",
     )
     add = parser.option
-    add_record_options(parser, files="*")
+    options.add_record_options(parser, files="*")
     add("--example", "write the record of a simulated cut and score it")
-    add_target_length(parser, "the record's own, which always holds")
-    add_depth_options(parser)
-    add_line(parser, "of records with the places of the blade", "the record's own")
+    options.add_target_length(parser, "the record's own, which always holds")
+    options.add_depth_options(parser)
+    options.add_line(parser, "of records with the places of the blade", "the record's own")
     add(
         "--reference SET",
         "cuts that percentiles compare with: baselines (default), force-alone, none, a file of ReferenceSet.save, "
@@ -172,5 +163,5 @@ def _parser() -> argparse.ArgumentParser:
         "baselines",
     )
     add("--out FOLDER", "folder of pages and tables; default here", Path())
-    add_language(parser)
+    options.add_language(parser)
     return parser

@@ -10,14 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cutenv._base.output import watched
-from cutenv.commands.options import (
-    add_question,
-    add_study_options,
-    command_parser,
-    made_folder,
-    question_given,
-    reports_errors,
-)
+from cutenv.commands import options
 
 if TYPE_CHECKING:
     from cutenv.display.report.decision_page import DecisionReport
@@ -28,7 +21,7 @@ _SCALE = 100.0  # largest overall score
 _SMALLEST = 5.0  # smallest difference of scores that matters, by default
 
 
-@reports_errors("study", ImportError)
+@options.reports_errors("study", ImportError)
 def main(argv: Sequence[str]) -> int:
     """Study; return 0, or 2 on bad input."""
     arguments = _parser().parse_args(argv)
@@ -47,8 +40,8 @@ def main(argv: Sequence[str]) -> int:
     if arguments.mark is not None:
         in_range("--mark", arguments.mark, 0.0, 100.0, "1", "Give an overall score, such as 60.")
     if arguments.sheets is not None:
-        made_folder("--sheets", arguments.sheets)
-    question = question_given(arguments, smallest=_SMALLEST, reach=_SCALE)
+        options.made_folder("--sheets", arguments.sheets)
+    question = options.question_given(arguments, smallest=_SMALLEST, reach=_SCALE)
     rows = None if arguments.operators is None else load_operators(arguments.operators)
     name = study_name(arguments)
     cuts, refused, left = studied_cuts(arguments, rows)
@@ -134,7 +127,7 @@ def _criterion(arguments: argparse.Namespace) -> float | None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = command_parser(
+    parser = options.command_parser(
         "study",
         __doc__,
         examples=(
@@ -145,7 +138,7 @@ def _parser() -> argparse.ArgumentParser:
         note="Training feedback for research; not validated for assessment or credentialing of people.",
     )
     add = parser.option
-    add_study_options(parser, columns="group, session, order")
+    options.add_study_options(parser, columns="group, session, order")
     add("--out FILE.html", "page to write; every card beside it as .csv", Path)
     add(
         "--sheets FOLDER",
@@ -165,5 +158,5 @@ def _parser() -> argparse.ArgumentParser:
         "target value of the learning curves itself, in the unit in which the one --metric is shown: mm, N, s",
         float,
     )
-    add_question(parser, unit="cut or person", smallest=f"{_SMALLEST:g} points", most=10_000)
+    options.add_question(parser, unit="cut or person", smallest=f"{_SMALLEST:g} points", most=10_000)
     return parser

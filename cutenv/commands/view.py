@@ -8,27 +8,17 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from cutenv.commands import options
 from cutenv.commands.inputs import chosen_cut, read_records
-from cutenv.commands.options import (
-    add_cut,
-    add_line,
-    add_record_options,
-    add_target_length,
-    command_parser,
-    line_given,
-    made_place,
-    reports_errors,
-    target_length,
-)
 from cutenv.display.viewer.solid import COLOURINGS, CurvedCut, ShownCut, write_curved_view, write_view
 
 
-@reports_errors("view")
+@options.reports_errors("view")
 def main(argv: Sequence[str]) -> int:
     """Write the page; return 0, or 2 on bad input."""
     arguments = _parser().parse_args(argv)
-    target, line = target_length(arguments), line_given(arguments)
-    made_place("--out", arguments.out or Path("view.html"))
+    target, line = options.target_length(arguments), options.line_given(arguments)
+    options.made_place("--out", arguments.out or Path("view.html"))
     records = read_records(arguments)
     for note in records.notes:
         print(f"note: {note}", file=sys.stderr)
@@ -60,7 +50,7 @@ def page_of(name: str) -> Path:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = command_parser(
+    parser = options.command_parser(
         "view",
         __doc__,
         examples=("cut.csv --open", "cuts.csv --cut 2 --target-length 80mm --out second.html"),
@@ -68,10 +58,10 @@ def _parser() -> argparse.ArgumentParser:
         "A record with the places of the blade is shown as the slab at its end.",
     )
     add = parser.option
-    add_record_options(parser, files=1, about="record of cuts: CSV, Parquet or HDF5")
-    add_cut(parser)
-    add_target_length(parser, "the record's own")
-    add_line(parser, "of records with the places of the blade", "the record's own")
+    options.add_record_options(parser, files=1, about="record of cuts: CSV, Parquet or HDF5")
+    options.add_cut(parser)
+    options.add_target_length(parser, "the record's own")
+    options.add_line(parser, "of records with the places of the blade", "the record's own")
     add("--colour", f"what the tissue's colour shows; default {COLOURINGS[0]}", choices=COLOURINGS)
     add("--out PAGE", "page to write; default NAME_view.html, here", Path)
     add("--open", "open the page in the browser")

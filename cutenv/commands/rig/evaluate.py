@@ -15,20 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from cutenv._base.output import progress_bar
 from cutenv._base.validation import nearest_choices
-from cutenv.commands.options import (
-    RIG,
-    add_option,
-    add_question,
-    add_specimen_class,
-    add_target_length,
-    add_task,
-    command_parser,
-    length_given,
-    made_folder,
-    made_place,
-    question_given,
-    target_length,
-)
+from cutenv.commands import options
 from cutenv.commands.rig import AFTER_CTRL_C, by_signal, reports_rig_errors
 from cutenv.rig.errors import RigError
 from cutenv.task.registry import TASKS
@@ -127,7 +114,7 @@ def _shared(arguments: argparse.Namespace, wanted: Mapping[str, Any]) -> dict[st
     from cutenv.drivers.rig_names import settings_of
 
     shared: dict[str, Any] = {"specimen_class": arguments.specimen_class, "tissue": arguments.tissue}
-    shared["target_length"] = target_length(arguments)
+    shared["target_length"] = options.target_length(arguments)
     shared, note = paced(
         shared | {name: wanted[name] for name in _OF_BOTH if name in wanted}, settings_of(arguments.rig)
     )
@@ -156,14 +143,14 @@ def rig_comparison(arguments: argparse.Namespace, *, records: Path | None = None
     wanted = [{name: given[name] for name in _OF_BOTH if name in given} for _, given in found]
     if wanted[0] != wanted[1]:
         raise ValueError(f"POLICY OTHER: {names[0]!r} needs {wanted[0]}, and {names[1]!r} {wanted[1]}. Take two alike.")
-    opening = length_given(arguments, "opening", (0.020, 0.050), "Write 25mm.")
+    opening = options.length_given(arguments, "opening", (0.020, 0.050), "Write 25mm.")
     changed: dict[str, Any] = dict(_constant(text) for text in arguments.change)
     shared = _shared(arguments, wanted[0])
     rig: RigCutEnv = TASKS[arguments.task].rig(rig=arguments.rig, records=records, **shared, **changed)
     try:
         yield RigComparison(
             rig=rig, simulator=_simulator(rig, shared, changed), policies=(found[0][0], found[1][0]), names=names,
-            question=question_given(arguments, smallest=SMALLEST_RETURN), seed=arguments.seed,
+            question=options.question_given(arguments, smallest=SMALLEST_RETURN), seed=arguments.seed,
             apart=arguments.unknown or not rig.draws_specimens, opening=opening, draws=arguments.draws,
         )  # fmt: skip
     finally:
@@ -180,7 +167,7 @@ def decide(arguments: argparse.Namespace) -> int:
             raise ValueError(f"--{option} is for one policy beside the simulator: leave it out with --until decided.")
     if arguments.out is None:
         raise ValueError("--until decided keeps every cut: give --out FOLDER.")
-    out = made_folder("--out", arguments.out)
+    out = options.made_folder("--out", arguments.out)
     with rig_comparison(arguments, records=out / _RECORDS / "rig") as comparison:
         kept = KeptCuts(
             out,
@@ -240,9 +227,9 @@ def _check_out(arguments: argparse.Namespace) -> None:
     if out is not None and out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise FileExistsError(f"--out {out} is there already and not empty; give another folder.")
     if out is not None:
-        made_folder("--out", out)
+        options.made_folder("--out", out)
     if arguments.json is not None:
-        made_place("--json", arguments.json)
+        options.made_place("--json", arguments.json)
 
 
 def _write(arguments: argparse.Namespace, evaluation: Evaluation) -> None:
@@ -273,7 +260,7 @@ def _progress(specimens: int, stack: ExitStack) -> ProgressCallback:
 def _parser() -> argparse.ArgumentParser:
     from cutenv.agents.sim_to_real.paired_experiment import DRAWS
 
-    parser = command_parser(
+    parser = options.command_parser(
         "rig evaluate",
         __doc__,
         examples=(
@@ -292,11 +279,11 @@ def _parser() -> argparse.ArgumentParser:
         "policy to compare with itself in the simulator: name of a script or of a "
         "shipped policy, or folder of a trained policy",
     )
-    add("--rig RIG", RIG, required=True)
-    add_task(parser, "rig")
+    add("--rig RIG", options.RIG, required=True)
+    options.add_task(parser, "rig")
     add("--specimens N", "number of specimens, 6 or more; default 20", 20)
-    add_specimen_class(parser, "mixed")
-    add_target_length(parser, "drawn from 60mm to 100mm")
+    options.add_specimen_class(parser, "mixed")
+    options.add_target_length(parser, "drawn from 60mm to 100mm")
     add("--tissue FILE", "tissue that specimens are drawn from; default measured pig liver", Path)
     add(
         "--specimen FILE",
@@ -317,7 +304,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     add("--out FOLDER", f"folder of {_PAGE} and the records of all cuts", Path)
     add("--json FILE", "file for every number that was found", Path)
-    add_question(parser, unit="pair of cuts", smallest=f"{SMALLEST_RETURN:g} of return", most=400)
+    options.add_question(parser, unit="pair of cuts", smallest=f"{SMALLEST_RETURN:g} of return", most=400)
     add_opening(parser)
     add("--missing REASON", "the pair with one cut alone cannot be completed: leave it out, and say why")
     return parser
@@ -325,7 +312,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def add_opening(parser: argparse.ArgumentParser) -> None:
     """Add ``--opening``, the length of the measured opening."""
-    add_option(
+    options.add_option(
         parser,
         "--opening LENGTH",
         "let both policies take over after the same slow feed of this length, such "

@@ -18,21 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cutenv._base.validation import nearest_choices
-from cutenv.commands.options import (
-    RIG,
-    add_line,
-    add_lsl,
-    add_specimen_class,
-    add_target_length,
-    add_task,
-    add_watch,
-    check_line,
-    command_parser,
-    line_given,
-    made_folder,
-    made_place,
-    target_length,
-)
+from cutenv.commands import options
 from cutenv.commands.rig import AFTER_CTRL_C, by_signal, reports_rig_errors
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.canopen.objects import ENABLE_OPERATION, AxisUnits, command_frame
@@ -155,8 +141,8 @@ def _environment(arguments: argparse.Namespace, keywords: dict[str, Any], **more
     if note:
         print(f"cutenv rig run: {note}", file=sys.stderr)
     if arguments.line is not None:
-        check_line(arguments.line, [arguments.task])
-        keywords = {**keywords, "line": arguments.line if arguments.line in KINDS else line_given(arguments)}
+        options.check_line(arguments.line, [arguments.task])
+        keywords = {**keywords, "line": arguments.line if arguments.line in KINDS else options.line_given(arguments)}
     lower = {
         "force": arguments.force_limit_N,
         "speed": None if arguments.speed_limit_cm_s is None else 1e-2 * arguments.speed_limit_cm_s,
@@ -165,7 +151,7 @@ def _environment(arguments: argparse.Namespace, keywords: dict[str, Any], **more
     env: RigCutEnv = TASKS[arguments.task].rig(
         rig=arguments.rig,
         specimen_class=arguments.specimen_class,
-        target_length=target_length(arguments),
+        target_length=options.target_length(arguments),
         tissue=arguments.tissue,
         lower_limits={name: value for name, value in lower.items() if value is not None},
         **keywords,
@@ -202,9 +188,9 @@ def _run(arguments: argparse.Namespace) -> int:
 
     if arguments.lsl and arguments.rig == "fake":
         raise ValueError("--lsl streams in real time, which a fake rig has none of. Give --rig emulator, or a file.")
-    made_folder("--out", arguments.out)
+    options.made_folder("--out", arguments.out)
     if arguments.json is not None:
-        made_place("--json", arguments.json)
+        options.made_place("--json", arguments.json)
     policy, keywords = chosen_policy(arguments.policy, arguments.task)
     env = _environment(arguments, keywords, records=arguments.out)
     outlet = None
@@ -322,7 +308,7 @@ def _line(number: int, told: dict[str, Any], env: RigCutEnv, task: RegisteredTas
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = command_parser(
+    parser = options.command_parser(
         "rig run",
         __doc__,
         examples=(
@@ -341,21 +327,23 @@ def _parser() -> argparse.ArgumentParser:
         "name of a script or of a shipped policy, folder of a trained policy, or MODULE:CLASS of your own",
         required=True,
     )
-    add("--rig RIG", RIG, required=True)
-    add_task(parser, "rig")
-    add_line(parser, "of a task along one: a kind that is drawn, arc, s, excision, random; or", "any that is drawn")
+    add("--rig RIG", options.RIG, required=True)
+    options.add_task(parser, "rig")
+    options.add_line(
+        parser, "of a task along one: a kind that is drawn, arc, s, excision, random; or", "any that is drawn"
+    )
     add("--cuts N", "number of cuts, one after the other; default 1", 1)
     add("--seed N", "seed of target lengths and of drawn specimens; default 0", 0)
-    add_target_length(parser, "drawn from 60mm to 100mm")
-    add_specimen_class(parser, "mixed")
+    options.add_target_length(parser, "drawn from 60mm to 100mm")
+    options.add_specimen_class(parser, "mixed")
     add("--tissue FILE", "tissue that the rig expects to cut; default measured pig liver", Path)
     add("--out FOLDER", "folder of the records; default cuts", Path("cuts"))
     add("--json FILE", "file that gets a line of JSON for every cut, at its end", Path)
     add("--force-limit-N N", "limit of each axis of the force [N]", float)
     add("--speed-limit-cm-s CM_S", "limit of the blade's speed [cm/s]", float)
     add("--travel-limit-mm MM", "limit of the blade's travel from the clamp [mm]", float)
-    add_lsl(parser)
-    add_watch(parser, "publish force, position and stops on this machine, for 'cutenv serve FOLDER --watch'")
+    options.add_lsl(parser)
+    options.add_watch(parser, "publish force, position and stops on this machine, for 'cutenv serve FOLDER --watch'")
     add(
         "--dry-run SECONDS",
         "connect to nothing; print every frame that would command a drive in the first seconds (default 2)",
