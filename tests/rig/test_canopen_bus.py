@@ -24,6 +24,16 @@ from cutenv.rig.errors import RigError
 
 
 @pytest.fixture
+def server() -> Iterator[socket.socket]:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield server
+
+
+def gateway(server: socket.socket) -> Bus:
+    return Bus(interface="socketcand", channel="can0", port=server.getsockname()[1])
+
+
+@pytest.fixture
 def ear() -> Ear:
     return Ear()
 
@@ -110,17 +120,15 @@ def test_a_gateway_that_is_not_there_is_told_at_once_with_its_address():
     assert time.monotonic() - before < 8.0
 
 
-def test_something_else_at_the_gateways_port_is_told_by_what_it_says():
-    with socket.create_server(("127.0.0.1", 0)) as server:
+def test_something_else_at_the_gateways_port_is_told_by_what_it_says(server):
+    def serve() -> None:
+        connection, _ = server.accept()
+        connection.sendall(b"HTTP/1.1 400 Bad Request\r\n")
+        connection.close()
 
-        def serve() -> None:
-            connection, _ = server.accept()
-            connection.sendall(b"HTTP/1.1 400 Bad Request\r\n")
-            connection.close()
-
-        threading.Thread(target=serve, daemon=True).start()
-        with pytest.raises(RigError, match="is not a socketcand gateway: it sends b'HTTP"):
-            open_bus(Bus(interface="socketcand", channel="can0", port=server.getsockname()[1]))
+    threading.Thread(target=serve, daemon=True).start()
+    with pytest.raises(RigError, match="is not a socketcand gateway: it sends b'HTTP"):
+        open_bus(gateway(server))
 
 
 @pytest.mark.parametrize(("module", "interface"), [("can", "virtual"), ("serial", "slcan")])
@@ -262,17 +270,16 @@ def served(server: socket.socket, *said: bytes, hangs_up: bool = False) -> None:
         ((b"x" * 4000,), "not a socketcand gateway"),
     ],
 )
-def test_a_gateway_that_falls_silent_or_refuses_is_told_in_time(said, message):
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        served(server, *said)
-        settings = Bus(interface="socketcand", channel="can0", port=server.getsockname()[1])
-        told: list[str] = []
-        opening = threading.Thread(target=lambda: told.append(refusal(settings)), daemon=True)
-        opening.start()
-        opening.join(30.0)  # each wait has 2 s, and a busy host some more
-        assert told, "it hangs"
-        assert message in told[0]
-        assert f"127.0.0.1:{settings.port}" in told[0]
+def test_a_gateway_that_falls_silent_or_refuses_is_told_in_time(server, said, message):
+    served(server, *said)
+    settings = gateway(server)
+    told: list[str] = []
+    opening = threading.Thread(target=lambda: told.append(refusal(settings)), daemon=True)
+    opening.start()
+    opening.join(30.0)  # each wait has 2 s, and a busy host some more
+    assert told, "it hangs"
+    assert message in told[0]
+    assert f"127.0.0.1:{settings.port}" in told[0]
 
 
 def refusal(settings: Bus) -> str:
@@ -283,14 +290,13 @@ def refusal(settings: Bus) -> str:
     return "opened"
 
 
-def test_a_greeting_that_tcp_has_split_is_a_greeting():
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        served(server, b"< h|i >", b"<| ok >", b"< o|k >< fra|me 701 1.5 05 >")
-        bus = open_bus(Bus(interface="socketcand", channel="can0", port=server.getsockname()[1]))
-        message = bus.recv(5.0) or bus.recv(5.0)  # a piece may come alone
-        assert (message.arbitration_id, bytes(message.data), message.is_extended_id) == (0x701, b"\x05", False)
-        assert bus.recv(0.0) is None
-        bus.shutdown()
+def test_a_greeting_that_tcp_has_split_is_a_greeting(server):
+    served(server, b"< h|i >", b"<| ok >", b"< o|k >< fra|me 701 1.5 05 >")
+    bus = open_bus(gateway(server))
+    message = bus.recv(5.0) or bus.recv(5.0)  # a piece may come alone
+    assert (message.arbitration_id, bytes(message.data), message.is_extended_id) == (0x701, b"\x05", False)
+    assert bus.recv(0.0) is None
+    bus.shutdown()
 
 
 @pytest.mark.parametrize(
@@ -302,13 +308,12 @@ def test_a_greeting_that_tcp_has_split_is_a_greeting():
         (b"< error 1 >", "sends an invalid frame: '< error 1 >'"),
     ],
 )
-def test_a_frame_that_is_none_is_told_in_words(text, message):
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        served(server, b"< hi >", b"< ok >", b"< ok >" + text)
-        said = refusal_or_break(server.getsockname()[1])
-        assert message in said
-        for words in ("invalid literal", "codec", "Traceback", "Error("):
-            assert words not in said
+def test_a_frame_that_is_none_is_told_in_words(server, text, message):
+    served(server, b"< hi >", b"< ok >", b"< ok >" + text)
+    said = refusal_or_break(server.getsockname()[1])
+    assert message in said
+    for words in ("invalid literal", "codec", "Traceback", "Error("):
+        assert words not in said
 
 
 def refusal_or_break(port: int) -> str:
@@ -336,19 +341,18 @@ def refusal_or_break(port: int) -> str:
 @pytest.mark.parametrize(
     "text", [b"garbage", b"x" * 20_000, b"< state 1 >", b"\xff\xfe", b"< frame 181 1.5 000102030405060708 >"]
 )
-def test_what_is_no_message_is_left_out_and_what_follows_is_read(text):
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        served(server, b"< hi >", b"< ok >", b"< ok >" + text + b"|< frame 702 1.5 7F >")
-        bus = open_bus(Bus(interface="socketcand", channel="can0", port=server.getsockname()[1]))
-        heard: list[int] = []
+def test_what_is_no_message_is_left_out_and_what_follows_is_read(server, text):
+    served(server, b"< hi >", b"< ok >", b"< ok >" + text + b"|< frame 702 1.5 7F >")
+    bus = open_bus(gateway(server))
+    heard: list[int] = []
 
-        def read() -> bool:
-            if (message := bus.recv(0.1)) is not None:
-                heard.append(message.arbitration_id)
-            return 0x702 in heard
+    def read() -> bool:
+        if (message := bus.recv(0.1)) is not None:
+            heard.append(message.arbitration_id)
+        return 0x702 in heard
 
-        until(read)
-        bus.shutdown()
+    until(read)
+    bus.shutdown()
 
 
 @pytest.mark.parametrize(
@@ -376,8 +380,7 @@ def test_another_master_is_met_before_anything_is_sent(drive, network, number, d
     axis.close()
 
 
-def test_a_gateway_that_goes_away_is_found_out_by_the_next_frames():
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        served(server, b"< hi >", b"< ok >", b"< ok >", hangs_up=True)
-        said = refusal_or_break(server.getsockname()[1])
-        assert "has gone" in said or "hung up" in said
+def test_a_gateway_that_goes_away_is_found_out_by_the_next_frames(server):
+    served(server, b"< hi >", b"< ok >", b"< ok >", hangs_up=True)
+    said = refusal_or_break(server.getsockname()[1])
+    assert "has gone" in said or "hung up" in said

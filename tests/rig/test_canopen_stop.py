@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 
 import pytest
 from made_up_drive import FAULT, QUICK_STOP, SWITCHED_ON
@@ -68,18 +69,24 @@ def test_after_a_quick_stop_nothing_moves_it_before_it_is_cleared(bench, ready):
     bench.axis.command(0.01)
 
 
-def test_a_quick_stop_while_it_is_powered_on_wins(bench, opened):
-    bench.drive.never = 0x27
+def failing(call: Callable[[], None]) -> tuple[threading.Thread, list[RigError]]:
+    """Begin a call in a thread of its own, and keep what it raises."""
     failed: list[RigError] = []
 
-    def enable() -> None:
+    def run() -> None:
         try:
-            bench.axis.enable()
+            call()
         except RigError as error:
             failed.append(error)
 
-    thread = threading.Thread(target=enable)
+    thread = threading.Thread(target=run)
     thread.start()
+    return thread, failed
+
+
+def test_a_quick_stop_while_it_is_powered_on_wins(bench, opened):
+    bench.drive.never = 0x27
+    thread, failed = failing(bench.axis.enable)
     until(lambda: bench.drive.status == SWITCHED_ON and bench.drive.controlwords[-1] == 0x0F)
     bench.axis.quick_stop()
     thread.join()
@@ -91,16 +98,7 @@ def test_a_quick_stop_while_it_is_cleared_is_a_stop_of_its_own(bench, ready):
     bench.drive.fault_stays = True
     bench.drive.fail(0x8611)
     until(lambda: bench.ear.samples[-1].state is DriveState.FAULT)
-    failed: list[RigError] = []
-
-    def clear() -> None:
-        try:
-            bench.clear()
-        except RigError as error:
-            failed.append(error)
-
-    clearing = threading.Thread(target=clear)
-    clearing.start()
+    clearing, failed = failing(bench.clear)
     until(lambda: bench.drive.controlwords[-1] == 0x80)
     bench.axis.quick_stop()
     bench.drive.status = 0x40
@@ -150,21 +148,13 @@ def test_a_stop_against_a_hasty_commander_has_the_last_word(bench, ready):
 
 def test_a_quick_stop_does_not_wait_for_an_answer_to_an_sdo(bench, ready):
     bench.drive.silent_on.add((0x607D, 1))
-    failed = threading.Event()
-
-    def ask() -> None:
-        with pytest.raises(RigError, match="0x607D:01"):
-            bench.axis.limits()
-        failed.set()
-
-    thread = threading.Thread(target=ask)
-    thread.start()
+    thread, failed = failing(bench.axis.limits)
     time.sleep(0.05)  # the request is out, its answer will never come
     bench.axis.quick_stop()
     until(lambda: 0x0B in bench.drive.controlwords)
-    assert not failed.is_set(), "the stop has waited for the SDO"
+    assert not failed, "the stop has waited for the SDO"
     thread.join()
-    assert failed.is_set()
+    assert "0x607D:01" in str(failed[0])
 
 
 @pytest.mark.parametrize("state", ["closed", "opened", "enabled", "fault"])

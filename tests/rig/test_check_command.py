@@ -75,13 +75,8 @@ def test_a_drive_whose_zero_nobody_has_set_fails(monkeypatch: pytest.MonkeyPatch
 def test_what_is_wrong_fails_a_check_with_its_cure(fault: str, value: object, check: str) -> None:
     found = inspected(**{fault: value})
     assert check in failed(found)
-    assert any(line.split("  ")[0:1] and "FAIL" in line and check in line for line in lines(found))
-
-
-def test_a_failed_check_names_a_cure() -> None:
-    found = inspected(lose_every=2)
-    lost = next(check for check in found.checks if check.name == "force packets lost")
-    assert "cable" in lost.found
+    (line,) = (line for line in lines(found) if "FAIL" in line and check in line)
+    assert check != "force packets lost" or "cable" in line
 
 
 def test_the_inspection_is_json() -> None:

@@ -114,13 +114,6 @@ def test_the_commented_section_is_read_when_its_comment_marks_are_taken_off(tmp_
     assert read_rig_file(tmp_path / "rig.toml").height == HeightAxis()
 
 
-def test_only_a_person_knows_its_mechanics_and_ends(tmp_path: Path) -> None:
-    (tmp_path / "rig.toml").write_text(to_toml(USUAL) + "\n[height]\n")
-    listed = r"height\.node, height\.gear, height\.lead_mm, height\.pulses, height\.low_mm, height\.high_mm\."
-    with pytest.raises(ValueError, match=f"only a person can supply {listed}"):
-        read_rig_file(tmp_path / "rig.toml")
-
-
 @pytest.mark.parametrize(
     ("line", "message"),
     [
