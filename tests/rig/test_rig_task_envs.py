@@ -94,7 +94,7 @@ def test_it_has_the_simulators_spaces(task, made):
     assert env.action_space == simulated.action_space
 
 
-@pytest.mark.parametrize("name", ["RigDepthCut-v1", "RigPathCut-v1"])
+@pytest.mark.parametrize("name", ["RigCut-v1", "RigDepthCut-v1", "RigPathCut-v1"])
 def test_gymnasiums_checker_finds_nothing(name):
     check_env(gymnasium.make(f"cutenv/{name}", rig="fake").unwrapped, skip_render_check=True)
 
