@@ -111,25 +111,23 @@ class EmulatedRig(EmulatedBench):
     faults = FAULTS
 
     def __init__(self, options: Options | None = None) -> None:
-        self.options = options or Options()
-        felt = self.options.sensor
-        if self.options.analogue is not None:
+        self.options = options = options or Options()
+        felt = options.sensor
+        if options.analogue is not None:
             felt = replace(felt, force_resolution=0.0)  # the converter's
-        super().__init__(EmulatedTissue(felt, self.options.law, self.options.cross_axes), self.options.force_limit)
+        super().__init__(EmulatedTissue(felt, options.law, options.cross_axes), options.force_limit)
         self.axes: dict[str, EmulatedAxis] = {
-            "blade": EmulatedAxis(
-                "blade", self.options.blade_axis, self.options.blade_mechanics, position=0.0, margin=0.003
-            )
+            "blade": EmulatedAxis("blade", options.blade_axis, options.blade_mechanics, position=0.0, margin=0.003)
         }
-        if self.options.angle_mode == "free":
+        if options.angle_mode == "free":
             self.axes["angle"] = EmulatedAxis(
-                "angle", self.options.hinge_axis, self.options.hinge_mechanics, position=self.options.angle, margin=0.05
+                "angle", options.hinge_axis, options.hinge_mechanics, position=options.angle, margin=0.05
             )
-        for name, axis in self.options.cross_axes.items():
+        for name, axis in options.cross_axes.items():
             self.axes[name] = EmulatedAxis(name, axis, Mechanics(), position=0.0, margin=0.001)
-        self.cross_axes = tuple(self.options.cross_axes)
-        if self.options.mounted is not None:
-            self.mount(self.options.mounted)
+        self.cross_axes = tuple(options.cross_axes)
+        if options.mounted is not None:
+            self.mount(options.mounted)
         self._noise = np.random.default_rng(0).standard_normal((4096, 5)) * _OTHER_NOISE
         self._noise_rows = [tuple(row) for row in self._noise.tolist()]
         self._ticks = 0
@@ -138,16 +136,14 @@ class EmulatedRig(EmulatedBench):
         self.intruders: dict[str, float] = {}
         self.nodes = {name: Node(axis, self._send, self.happened) for name, axis in self.axes.items()}
         self.sensor: SensorServer | BoardServer
-        if self.options.analogue is None:
-            self.sensor = SensorServer(
-                host=self.options.host, port=self.options.sensor_port, page_port=self.options.page_port
-            )
+        if options.analogue is None:
+            self.sensor = SensorServer(host=options.host, port=options.sensor_port, page_port=options.page_port)
         else:
             self.sensor = BoardServer(
-                AnalogueCalibration.read(self.options.analogue), host=self.options.host, port=self.options.sensor_port
+                AnalogueCalibration.read(options.analogue), host=options.host, port=options.sensor_port
             )
         try:
-            self.hub = Hub(self._receive, host=self.options.host, port=self.options.can_port)
+            self.hub = Hub(self._receive, host=options.host, port=options.can_port)
         except OSError:
             self.sensor.close()
             raise

@@ -169,24 +169,24 @@ class EmulatedSerialRig(EmulatedBench):
     stands_after = 10
 
     def __init__(self, options: SerialOptions | None = None) -> None:
-        self.options = options or SerialOptions()
-        super().__init__(EmulatedTissue(self.options.sensor, self.options.law), self.options.force_limit)
+        self.options = options = options or SerialOptions()
+        super().__init__(EmulatedTissue(options.sensor, options.law), options.force_limit)
         self._rates, self._axis = StepRates(SCREW, SCREW_STEPS), SCREW
         self._made = 0  # steps by boards before the last restart
-        self.board = Firmware(self.options.converter)
+        self.board = Firmware(options.converter)
         self.convert()
         self.frozen = self.saturated = self.wire_off = False
-        window = max(round(DELAYS[self.options.converter] / TICK), 1)
+        window = max(round(DELAYS[options.converter] / TICK), 1)
         self._readings: deque[float] = deque([0.0] * window, maxlen=window)
         self._positions: deque[float] = deque([0.0] * (_SPEED_OVER + 1), maxlen=_SPEED_OVER + 1)
         self._random = np.random.default_rng(0)
         self._flags, self._state = BoardFlag(0), BoardState.OFF
-        if self.options.zeroed:
+        if options.zeroed:
             self.board.feed(board_line("Z"))
             self.board.advance()
             self.board.drain()
-        if self.options.mounted is not None:
-            self.mount(self.options.mounted)
+        if options.mounted is not None:
+            self.mount(options.mounted)
         self.line = EmulatedLine()  # its serial line; ``line.port`` is the port to open
 
     def restart(self) -> None:
