@@ -12,16 +12,8 @@ from pathlib import Path
 
 from cutenv._base.imports import require
 from cutenv._base.output import atomic_write, watched
+from cutenv.commands import options
 from cutenv.commands.inputs import read_records
-from cutenv.commands.options import (
-    add_layer_depth,
-    add_record_options,
-    command_parser,
-    layer_depth_given,
-    length_given,
-    made_place,
-    reports_errors,
-)
 from cutenv.records import Provenance, TissueHandling
 from cutenv.records.measurement.calibration import RESAMPLES, check_resamples, measure_cuts, tissue_of, with_findings
 from cutenv.records.measurement.measured_cut import MeasuredCut, in_layers
@@ -31,15 +23,15 @@ from cutenv.sim.tissue import CutModel, TissueDescription
 from cutenv.sim.trace import Trace
 
 
-@reports_errors("calibrate")
+@options.reports_errors("calibrate")
 def main(argv: Sequence[str]) -> int:
     """Calibrate; return 0, or 2 on bad input."""
     arguments = _parser().parse_args(argv)
     _check_outputs(arguments)
     check_resamples(arguments.resamples)
     require(*["statsmodels"] * arguments.within_specimens)
-    boundary = layer_depth_given(arguments)
-    capsule = length_given(arguments, "capsule_thickness", (1e-5, 0.005), "Write 0.2mm.")
+    boundary = options.layer_depth_given(arguments)
+    capsule = options.length_given(arguments, "capsule_thickness", (1e-5, 0.005), "Write 0.2mm.")
     model = CutModel(element=arguments.element, formulation=arguments.formulation, poisson=arguments.poisson)
     records = read_records(arguments)
     for note in [*records.notes, *differences_in_handling(records.traces)]:
@@ -88,10 +80,7 @@ def summary(tissue: TissueDescription) -> str:
 
 
 def settings_table(cuts: Sequence[MeasuredCut]) -> str:
-    """Return modulus and resistance relative to the reference setting, as text.
-
-    The ratios are within specimens.
-    """
+    """Return modulus and resistance relative to the reference setting, as text. The ratios are within specimens."""
     lines = []
     for found in compare_settings(cuts):
         lines.append(
@@ -109,13 +98,7 @@ def settings_table(cuts: Sequence[MeasuredCut]) -> str:
 
 
 def differences_in_handling(traces: Sequence[Trace]) -> list[str]:
-    """Return notes on differences in tissue handling.
-
-    Raises
-    ------
-    ValueError
-        If a record's handling is not valid.
-    """
+    """Return notes on differences in tissue handling; raise ValueError if a record's handling is not valid."""
     handled = [Provenance.from_metadata(trace.metadata).handling or TissueHandling() for trace in traces]
     notes = []
     for part in dataclasses.fields(TissueHandling):
@@ -136,11 +119,11 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
         raise ValueError(f"--report {arguments.report} would write its data over --out; give it another name.")
     for option, path in (("--out", arguments.out), ("--report", arguments.report)):
         if path is not None:
-            made_place(option, path)
+            options.made_place(option, path)
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = command_parser(
+    parser = options.command_parser(
         "calibrate",
         __doc__,
         examples=(
@@ -152,42 +135,35 @@ def _parser() -> argparse.ArgumentParser:
         "friction; several speeds, and both 90 and 45 degrees, give the modulus's dependence on them. What the\n"
         "records do not give is taken from pig liver, and the result marks it so.",
     )
-    add_record_options(parser)
-    parser.add_argument("--out", type=Path, required=True, metavar="FILE.json", help="tissue file to write")
-    parser.add_argument("--report", type=Path, metavar="FILE.html", help="validation card; its data beside it as .json")
-    parser.add_argument("--name", metavar="NAME", help="name of the tissue; default the file's")
-    parser.add_argument(
-        "--resamples",
-        type=int,
-        default=RESAMPLES,
-        metavar="N",
-        help=f"bootstrap resamples for the intervals; default {RESAMPLES}",
+    add = parser.option
+    options.add_record_options(parser)
+    add("--out FILE.json", "tissue file to write", Path, required=True)
+    add("--report FILE.html", "validation card; its data beside it as .json", Path)
+    add("--name NAME", "name of the tissue; default the file's")
+    add("--resamples N", f"bootstrap resamples for the intervals; default {RESAMPLES}", RESAMPLES)
+    options.add_layer_depth(parser, "searched in records of cuts in steps of depth")
+    add(
+        "--capsule-thickness LENGTH",
+        "thickness of the capsule, with its unit: 0.2mm; default: nothing is said of a capsule",
     )
-    add_layer_depth(parser, "searched in records of cuts in steps of depth")
-    parser.add_argument(
-        "--capsule-thickness",
-        metavar="LENGTH",
-        help="thickness of the capsule, with its unit: 0.2mm; default: nothing is said of a capsule",
-    )
-    parser.add_argument(
+    add(
         "--within-specimens",
-        action="store_true",
-        help="compare speeds and angles within specimens too, by a mixed model whose random effect is the specimen; "
+        "compare speeds and angles within specimens too, by a mixed model whose random effect is the specimen; "
         "needs cutenv[stats]",
     )
-    parser.add_argument(
+    add(
         "--blade-wear",
-        action="store_true",
-        help="tell the blade's wear from the cuts, in the order given: the rise of R with the length cut before, "
+        "tell the blade's wear from the cuts, in the order given: the rise of R with the length cut before, "
         "blade_used_m in the records' metadata, else the sum of the cuts before",
     )
     model = parser.add_argument_group("finite-element model that the moduli belong to")
-    model.add_argument("--element", default="quad8", choices=["quad4", "quad8"], help="element; default quad8")
-    model.add_argument(
+    options.add_option(model, "--element", "element; default quad8", "quad8", choices=["quad4", "quad8"])
+    options.add_option(
+        model,
         "--formulation",
-        default="plane_stress",
+        "plane model; default plane_stress",
+        "plane_stress",
         choices=["plane_stress", "plane_strain"],
-        help="plane model; default plane_stress",
     )
-    model.add_argument("--poisson", type=float, default=0.3, metavar="NU", help="Poisson's ratio; default 0.3")
+    options.add_option(model, "--poisson NU", "Poisson's ratio; default 0.3", 0.3)
     return parser

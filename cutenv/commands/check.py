@@ -18,17 +18,14 @@ if TYPE_CHECKING:
 def main(argv: Sequence[str]) -> int:
     """Check records; return 0 (sound), 1 (not), 2 (bad input)."""
     arguments = _parser().parse_args(argv)
-    from cutenv.commands.inputs import record_files
-    from cutenv.records import ColumnMap, RecordError
+    from cutenv.commands.inputs import given_mapping, record_files
+    from cutenv.records import RecordError
     from cutenv.records.importers import readings_in
     from cutenv.records.scoring.record_check import record_faults
 
-    if arguments.unit is not None and arguments.map is None:
-        raise ValueError("--unit goes with --map: cutenv's own files have their units in the header.")
-    mapping = None if arguments.map is None else ColumnMap.parse(arguments.map, unit=arguments.unit)
-    files = record_files(arguments)
+    mapping = given_mapping(arguments)
     told: list[dict[str, object]] = []
-    for path in files:
+    for path in record_files(arguments):
         try:
             records = readings_in(path, mapping)
         except RecordError as error:
@@ -75,12 +72,13 @@ def _parser() -> argparse.ArgumentParser:
         note="Rows are counted from 1, without the header. The exit status is 1 if a record is not sound.\n"
         "Which faults are known, and how well they are found: page 'Faults of records'.",
     )
-    add = parser.add_argument
-    add("records", nargs="+", type=Path, metavar="FILE", help="records of force, or folders of them")
+    add = parser.option
+    add("records FILE", "records of force, or folders of them", Path, nargs="+")
     add(
-        "--map", nargs="+", metavar="FIELD=COLUMN",
-        help="which column of another program's file is what: time=t force=Fx position=x[mm]",
-    )  # fmt: skip
-    add("--unit", metavar="UNIT", help="unit of the force in such a file: N, mN, kN, gf, kgf, lbf, or 1")
-    add("--json", action="store_true", help="print everything as JSON, for programs")
+        "--map FIELD=COLUMN",
+        "which column of another program's file is what: time=t force=Fx position=x[mm]",
+        nargs="+",
+    )
+    add("--unit UNIT", "unit of the force in such a file: N, mN, kN, gf, kgf, lbf, or 1")
+    add("--json", "print everything as JSON, for programs")
     return parser

@@ -24,28 +24,19 @@ from cutenv._base.resources import described_version
 
 @dataclass(frozen=True)
 class Command:
-    """Command, run by ``main(argv)`` of the module named after it.
+    """Command, run by ``main(argv)`` of the module named after it. With parts it has sub-commands instead."""
 
-    With parts it has sub-commands instead.
-    """
-
-    summary: str
-    """A line of help."""
-    extra: str = ""
-    """The extra that brings what the command needs beyond the package, or beyond its group's extra."""
-    parts: Mapping[str, Command] = field(default_factory=dict)
-    """Sub-commands."""
-    description: str | None = None
-    """First line of the help of a command with sub-commands."""
-    uses: tuple[str, ...] = ()
-    """The commonest uses of a command with sub-commands, with which its help begins."""
+    summary: str  # a line of help
+    extra: str = ""  # the extra that brings what the command needs beyond the package, or beyond its group's extra
+    parts: Mapping[str, Command] = field(default_factory=dict)  # sub-commands
+    description: str | None = None  # first line of the help of a command with sub-commands
+    uses: tuple[str, ...] = ()  # the commonest uses of a command with sub-commands, with which its help begins
 
 
-INTERRUPTED = 130
-"""Exit status after Ctrl-C: 128 and the number of the signal, as shells have it."""
+INTERRUPTED = 130  # exit status after Ctrl-C: 128 and the number of the signal, as shells have it
 
+# exit status when the program that reads the output has ended, as ``head`` does: 128 and the number of SIGPIPE
 READER_GONE = 141
-"""Exit status when the program that reads the output has ended, as ``head`` does: 128 and the number of SIGPIPE."""
 
 RIG_COMMANDS = {
     "check": Command("check a rig's connections, limits and noise without moving it"),
@@ -107,15 +98,7 @@ PROGRAM = Command(
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the sub-command named first in ``argv``.
 
-    Parameters
-    ----------
-    argv : sequence of str, optional
-        Without the program's name; those of the process by default.
-
-    Returns
-    -------
-    int
-        The exit status: 0 if all went well.
+    ``argv`` is without the program's name. Return the exit status: 0 if all went well.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
     chosen = _chosen("cutenv", PROGRAM, arguments)

@@ -18,16 +18,15 @@ from cutenv.commands.options import command_parser, made_place, reports_errors
 def main(argv: Sequence[str]) -> int:
     """Convert records; return 0, or 2 on bad input."""
     arguments = _parser().parse_args(argv)
-    from cutenv.records import ColumnMap, read_record, save
+    from cutenv.commands.inputs import given_mapping
+    from cutenv.records import read_record, save
     from cutenv.records.files import format_of
     from cutenv.records.foreign.cut_detection import STANDARD
 
     format_of(arguments.out)
     if arguments.out.exists() and not arguments.force:
         raise ValueError(f"--out {arguments.out} exists; give another name, or --force to replace it.")
-    if arguments.unit is not None and arguments.map is None:
-        raise ValueError("--unit goes with --map: cutenv's own files have their units in the header.")
-    mapping = None if arguments.map is None else ColumnMap.parse(arguments.map, unit=arguments.unit)
+    mapping = given_mapping(arguments)
     made_place("--out", arguments.out)
     traces = []
     for path in arguments.records:
@@ -53,21 +52,21 @@ def _parser() -> argparse.ArgumentParser:
         ),
         note="Without --map, a bag of another program is answered with the topics in it and a --map for it.",
     )
-    add = parser.add_argument
+    add = parser.option
     add(
-        "records", nargs="+", type=Path, metavar="FILE",
-        help="records: CSV, Parquet, HDF5, MCAP; text of other programs; bags of ROS (.mcap or .db3 out of the bag's "
+        "records FILE",
+        "records: CSV, Parquet, HDF5, MCAP; text of other programs; bags of ROS (.mcap or .db3 out of the bag's "
         "folder, .bag)",
-    )  # fmt: skip
+        Path,
+        nargs="+",
+    )
+    add("--out FILE", "new file; its suffix .csv, .parquet, .h5 or .mcap is the format", Path, required=True)
+    add("--force", "replace the file if it exists")
+    add("--cuts", "keep the cuts found in the records of other programs, offset taken off")
     add(
-        "--out", type=Path, required=True, metavar="FILE",
-        help="new file; its suffix .csv, .parquet, .h5 or .mcap is the format",
-    )  # fmt: skip
-    add("--force", action="store_true", help="replace the file if it exists")
-    add("--cuts", action="store_true", help="keep the cuts found in the records of other programs, offset taken off")
-    add(
-        "--map", nargs="+", metavar="FIELD=COLUMN",
-        help="which column or topic is what: time=stamp force=/ft/wrench.wrench.force.x position=x[mm] depth=20mm",
-    )  # fmt: skip
-    add("--unit", metavar="UNIT", help="unit of the force: N, mN, kN, gf, kgf, lbf, or 1 if it is normalised")
+        "--map FIELD=COLUMN",
+        "which column or topic is what: time=stamp force=/ft/wrench.wrench.force.x position=x[mm] depth=20mm",
+        nargs="+",
+    )
+    add("--unit UNIT", "unit of the force: N, mN, kN, gf, kgf, lbf, or 1 if it is normalised")
     return parser

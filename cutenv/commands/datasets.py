@@ -92,10 +92,7 @@ def main(argv: Sequence[str]) -> int:
 def cuts_of(arguments: Arguments) -> tuple[dict[str, Any], list[Demonstration]]:
     """Return the environment's keyword arguments, and the cuts.
 
-    Raises
-    ------
-    ValueError
-        If there is no such policy, or a record lacks what is needed.
+    Raise ValueError if there is no such policy, or a record lacks what is needed.
     """
     from cutenv.agents.learning.minari_datasets import recorded_cuts, simulated_cuts
 

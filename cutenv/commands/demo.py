@@ -36,8 +36,7 @@ if TYPE_CHECKING:
     from cutenv.sim.plant.simulator import SimulatedPlant
     from cutenv.task.registry import RegisteredTask
 
-UNSEEN = 3_000_000
-"""First seed beyond those on which agents are trained, chosen and tested."""
+UNSEEN = 3_000_000  # first seed beyond those on which agents are trained, chosen and tested
 
 _ANGLES = ("angle_mode", "fixed_angle_deg")
 
@@ -49,8 +48,7 @@ class DemoCut:
     reward: float
     end: str
     success: bool
-    error: float
-    """The first of the errors that the task has in tables, such as the tip's [mm]."""
+    error: float  # the first of the errors that the task has in tables, such as the tip's [mm]
     peak_force_N: float
     time_s: float
     specimen_class: str
@@ -101,8 +99,7 @@ def main(argv: Sequence[str]) -> int:
 class DemoSpecimens:
     """First specimens of a seed, with target length [m]."""
 
-    drawn: Mapping[str, str]
-    """Class and tissue, as keyword arguments of an environment."""
+    drawn: Mapping[str, str]  # class and tissue, as keyword arguments of an environment
     seed: int
     count: int
     target_length: float | None = None
@@ -239,19 +236,17 @@ def _parser() -> argparse.ArgumentParser:
         note="Nothing is trained and nothing is downloaded. A few cuts show how an agent cuts, not how good it is: "
         "'cutenv evaluate' compares on hundreds.",
     )
-    parser.add_argument(
-        "--policy",
-        default=DEFAULT_SHIPPED,
-        metavar="POLICY",
-        help=f"shipped policy ('cutenv evaluate --list'), or folder of a trained one; default {DEFAULT_SHIPPED}",
+    add = parser.option
+    add(
+        "--policy POLICY",
+        f"shipped policy ('cutenv evaluate --list'), or folder of a trained one; default {DEFAULT_SHIPPED}",
+        DEFAULT_SHIPPED,
     )
-    parser.add_argument("--specimens", type=int, default=20, metavar="N", help="number of specimens; default 20")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the specimens; default 0")
+    add("--specimens N", "number of specimens; default 20", 20)
+    add("--seed N", "seed of the specimens; default 0", 0)
     add_specimen_class(parser, "mixed")
     add_tissue(parser)
     add_target_length(parser, "drawn from 60mm to 100mm; along an excision, its end")
-    parser.add_argument(
-        "--out", type=Path, default=Path("demo.png"), metavar="FILE", help="picture to write; default demo.png"
-    )
-    parser.add_argument("--page", type=Path, metavar="FILE", help="3-D page to write, which opens from disk")
+    add("--out FILE", "picture to write; default demo.png", Path("demo.png"))
+    add("--page FILE", "3-D page to write, which opens from disk", Path)
     return parser

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cutenv._base.output import watched
-from cutenv.commands.options import command_parser, made_folder, made_place, reports_errors
+from cutenv.commands.options import add_option, command_parser, made_folder, made_place, reports_errors
 
 if TYPE_CHECKING:  # slow to import, and --help does not need it
     from cutenv.sim.trace import Trace
@@ -137,13 +137,7 @@ def run_summary(found: RunsAndDrops) -> str:
 
 
 def _record(path: Path) -> Trace:
-    """Return the one cut of a record.
-
-    Raises
-    ------
-    ValueError
-        If it holds several, or is bad.
-    """
+    """Return the one cut of a record; raise ValueError if it holds several, or is bad."""
     from cutenv.records import read_record
 
     imported = read_record(path)
@@ -181,19 +175,13 @@ def _parser() -> argparse.ArgumentParser:
         note="The images of a pair of cameras stand side by side in every frame, the left camera's on the left. The\n"
         "record gets the depth at right angles to the travel; the table of frames has the length along the blade too.",
     )
-    parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="video of the cut; or images of the board")
-    parser.add_argument("--calibration", type=Path, metavar="FILE.json", help="calibration of the camera or the pair")
-    parser.add_argument("--record", type=Path, metavar="FILE", help="record of the same cut, with position")
-    parser.add_argument(
-        "--out", type=Path, metavar="PATH", help="folder of record, table and page, default here; or calibration file"
-    )
-    parser.add_argument("--rate", type=float, metavar="HZ", help="frames a second, if the file's times are wrong")
-    parser.add_argument(
-        "--travel",
-        choices=("right", "left"),
-        default="right",
-        help="way the blade goes in the images when it cuts; default right",
-    )
+    add = parser.option
+    add("files FILE", "video of the cut; or images of the board", Path, nargs="+")
+    add("--calibration FILE.json", "calibration of the camera or the pair", Path)
+    add("--record FILE", "record of the same cut, with position", Path)
+    add("--out PATH", "folder of record, table and page, default here; or calibration file", Path)
+    add("--rate HZ", "frames a second, if the file's times are wrong", float)
+    add("--travel", "way the blade goes in the images when it cuts; default right", "right", choices=("right", "left"))
     blade = parser.add_argument_group("the blade")
     sizes = {
         "total": ("42.5mm", "centre of strip or tag to the blade's end"),
@@ -203,19 +191,13 @@ def _parser() -> argparse.ArgumentParser:
         blade.add_argument(
             f"--{name}", default=default, metavar="LENGTH", help=f"length with unit: {about}; default {default}"
         )
-    blade.add_argument(
-        "--tag", type=int, metavar="N", help="number of the ArUco tag (4X4_50) that the blade has in place of a strip"
-    )
+    add_option(blade, "--tag N", "number of the ArUco tag (4X4_50) that the blade has in place of a strip", int)
     board = parser.add_argument_group("calibration from images of a board")
-    board.add_argument("--calibrate", action="store_true", help="calibrate from images of a board instead of measuring")
-    board.add_argument("--board", metavar="NxM", help="columns and rows of its inner corners, or of its circles")
-    board.add_argument("--spacing", metavar="LENGTH", help="distance between these, with its unit")
-    board.add_argument("--circles", action="store_true", help="take a board of circles, not a chessboard")
-    board.add_argument(
-        "--charuco", metavar="LENGTH", help="take a ChArUco board, whose tags (4X4) have sides of this length"
-    )
-    board.add_argument("--stereo", action="store_true", help="calibrate a pair; its images stand side by side")
-    board.add_argument(
-        "--plane", type=Path, metavar="IMAGE", help="image of the board standing in the plane of the cut"
-    )
+    add_option(board, "--calibrate", "calibrate from images of a board instead of measuring")
+    add_option(board, "--board NxM", "columns and rows of its inner corners, or of its circles")
+    add_option(board, "--spacing LENGTH", "distance between these, with its unit")
+    add_option(board, "--circles", "take a board of circles, not a chessboard")
+    add_option(board, "--charuco LENGTH", "take a ChArUco board, whose tags (4X4) have sides of this length")
+    add_option(board, "--stereo", "calibrate a pair; its images stand side by side")
+    add_option(board, "--plane IMAGE", "image of the board standing in the plane of the cut", Path)
     return parser

@@ -20,8 +20,8 @@ from urllib.request import url2pathname
 from cutenv._base import resources
 from cutenv.commands.options import command_parser
 
+# first page, below ``assets``: part of a released wheel, and of a checkout once the pages are built
 PAGES = "site/index.html"
-"""First page, below ``assets``: part of a released wheel, and of a checkout once the pages are built."""
 _BUILDING = ("mkdocs", "material", "mkdocstrings", "latex2mathml")
 
 
@@ -88,7 +88,5 @@ def _build() -> Path | None:
 
 def _parser() -> argparse.ArgumentParser:
     parser = command_parser("docs", __doc__, examples=("", "--print-path"))
-    parser.add_argument(
-        "--print-path", action="store_true", help="print the path of the first page instead of opening it"
-    )
+    parser.option("--print-path", "print the path of the first page instead of opening it")
     return parser

@@ -15,15 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cutenv.agents.learning.option_fields import class_in_words
-from cutenv.commands.options import (
-    add_question,
-    add_tissue,
-    command_parser,
-    drawn_given,
-    made_folder,
-    question_given,
-    reports_errors,
-)
+from cutenv.commands import options
 from cutenv.sim.tissue.specimen import CLASSES
 from cutenv.task.registry import TASKS
 
@@ -33,7 +25,7 @@ if TYPE_CHECKING:
 _LOOK = 20  # specimens between two looks: a batch costs little more than a cut
 
 
-@reports_errors("evaluate")
+@options.reports_errors("evaluate")
 def main(argv: Sequence[str]) -> int:
     """Evaluate; return 0, 2 (bad input), 130 (Ctrl-C)."""
     arguments = _parser().parse_args(argv)
@@ -75,9 +67,9 @@ def _evaluate(arguments: argparse.Namespace) -> None:
     if len(set(tasks.values())) > 1:
         told = ", ".join(f"{name!r} is for {task!r}" for name, task in tasks.items())
         raise ValueError(f"POLICY names policies of several tasks: {told}. Give those of one.")
-    drawn = drawn_given(arguments)
+    drawn = options.drawn_given(arguments)
     if arguments.out:
-        made_folder("--out", arguments.out)
+        options.made_folder("--out", arguments.out)
     if arguments.until is not None:
         _decide(arguments, chosen, seeds, drawn)
         return
@@ -111,7 +103,7 @@ def _decide(
 
     if len(chosen) != 2:
         raise ValueError(f"--until decided compares two policies, and {len(chosen)} are given. Give two.")
-    question = question_given(arguments, smallest=0.05)
+    question = options.question_given(arguments, smallest=0.05)
     if question.most > len(seeds):
         raise ValueError(f"--most {question.most} is above {len(seeds)}, the specimens there are. Give fewer.")
     names = list(chosen)
@@ -166,7 +158,7 @@ def _report(arguments: argparse.Namespace) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = command_parser(
+    parser = options.command_parser(
         "evaluate",
         __doc__,
         examples=(
@@ -177,26 +169,16 @@ def _parser() -> argparse.ArgumentParser:
             "--report runs/NAME",
         ),
     )
-    parser.add_argument(
-        "policies",
-        nargs="*",
-        metavar="POLICY",
-        help="baseline, shipped policy, folder of a run or policy, MODULE:CLASS, or all",
-    )
-    parser.add_argument("--list", action="store_true", help="print the names of baselines, scripts and shipped agents")
-    parser.add_argument(
-        "--specimen-class", choices=CLASSES, default="mixed", help="class of the specimens; default mixed"
-    )
-    add_tissue(parser)
-    parser.add_argument("--specimens", type=int, default=200, metavar="N", help="number of specimens; default 200")
-    parser.add_argument("--validation", action="store_true", help="take validation specimens instead of test specimens")
-    parser.add_argument(
-        "--out", type=Path, metavar="FOLDER", help="write scores.csv, summary.csv and differences.csv here"
-    )
-    parser.add_argument("--processes", type=int, metavar="N", help="number of processes; default one per core")
-    parser.add_argument("--report", type=Path, metavar="RUN", help="evaluate a finished training run again, and report")
-    parser.add_argument(
-        "--baselines-of", type=Path, metavar="RUN", help="with --report: reuse the baselines of another run"
-    )
-    add_question(parser, unit="specimen", smallest="0.05 of return", most=1000)
+    add = parser.option
+    add("policies POLICY", "baseline, shipped policy, folder of a run or policy, MODULE:CLASS, or all", nargs="*")
+    add("--list", "print the names of baselines, scripts and shipped agents")
+    add("--specimen-class", "class of the specimens; default mixed", "mixed", choices=CLASSES)
+    options.add_tissue(parser)
+    add("--specimens N", "number of specimens; default 200", 200)
+    add("--validation", "take validation specimens instead of test specimens")
+    add("--out FOLDER", "write scores.csv, summary.csv and differences.csv here", Path)
+    add("--processes N", "number of processes; default one per core", int)
+    add("--report RUN", "evaluate a finished training run again, and report", Path)
+    add("--baselines-of RUN", "with --report: reuse the baselines of another run", Path)
+    options.add_question(parser, unit="specimen", smallest="0.05 of return", most=1000)
     return parser

@@ -9,14 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cutenv.commands.options import (
-    add_cut,
-    add_record_options,
-    command_parser,
-    length_given,
-    made_place,
-    reports_errors,
-)
+from cutenv.commands import options
 
 if TYPE_CHECKING:  # what computes is slow to import, and --help does not need it
     from cutenv.sim.tissue import CutModel
@@ -25,7 +18,7 @@ _ELEMENT = 0.01  # size of the thesis's elements [m]
 _CURE = "Write 80mm or 8cm."
 
 
-@reports_errors("field")
+@options.reports_errors("field")
 def main(argv: Sequence[str]) -> int:
     """Compare and measure; return 0, or 2 on bad input."""
     arguments = _parser().parse_args(argv)
@@ -34,10 +27,10 @@ def main(argv: Sequence[str]) -> int:
     from cutenv.vision import BeadTracks
 
     model, truth = _model(arguments), _truth(arguments.truth)
-    thickness = length_given(arguments, "thickness", (1e-4, 0.5), _CURE)
+    thickness = options.length_given(arguments, "thickness", (1e-4, 0.5), _CURE)
     if arguments.zones is not None and arguments.zones < 1:
         raise ValueError(f"--zones {arguments.zones}: give 1 or more.")
-    made_place("--out", arguments.out or Path("field.html"))
+    options.made_place("--out", arguments.out or Path("field.html"))
     tracks = BeadTracks.load(arguments.tracks)
     records = read_records(arguments)
     for note in records.notes:
@@ -57,8 +50,8 @@ def _model(arguments: argparse.Namespace) -> CutModel:
     """Return the model of a slab, in elements of about 1 cm."""
     from cutenv.sim.tissue import CutModel
 
-    width, length = (length_given(arguments, name, (0.02, 1.0), _CURE) or 0.0 for name in ("width", "length"))
-    offset = length_given(arguments, "offset", (-0.5, 0.5), _CURE) or 0.0
+    width, length = (options.length_given(arguments, name, (0.02, 1.0), _CURE) or 0.0 for name in ("width", "length"))
+    offset = options.length_given(arguments, "offset", (-0.5, 0.5), _CURE) or 0.0
     divisions = (2 * max(1, round(width / (2 * _ELEMENT))), max(2, round(length / _ELEMENT)))
     return CutModel(width=width, length=length, divisions=divisions, offset=offset)
 
@@ -70,7 +63,7 @@ def _truth(given: float | None) -> float | None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = command_parser(
+    parser = options.command_parser(
         "field",
         __doc__,
         examples=(
@@ -80,29 +73,24 @@ def _parser() -> argparse.ArgumentParser:
         ),
         note="The record needs position, angle and depth of cut beside force in newtons, on the clock of the tracks.",
     )
-    parser.add_argument("tracks", type=Path, metavar="TRACKS", help="tracks of beads, a Parquet file")
-    add_record_options(
+    add = parser.option
+    add("tracks TRACKS", "tracks of beads, a Parquet file", Path)
+    options.add_record_options(
         parser, files=1, metavar="FILE", about="record of the same cut: CSV, Parquet or HDF5", option="--record"
     )
-    add_cut(parser)
-    parser.add_argument(
-        "--zones", type=int, metavar="N", help="number of zones along the cut whose moduli are estimated; default none"
+    options.add_cut(parser)
+    add("--zones N", "number of zones along the cut whose moduli are estimated; default none", int)
+    add("--width LENGTH", "width of the slab; default 8cm", "8cm")
+    add("--length LENGTH", "length of the slab; default 15cm", "15cm")
+    add(
+        "--offset LENGTH",
+        "distance of the cut line from the middle of the slab, towards +x, in whole centimetres; default 0",
     )
-    parser.add_argument("--width", default="8cm", metavar="LENGTH", help="width of the slab; default 8cm")
-    parser.add_argument("--length", default="15cm", metavar="LENGTH", help="length of the slab; default 15cm")
-    parser.add_argument(
-        "--offset",
-        metavar="LENGTH",
-        help="distance of the cut line from the middle of the slab, towards +x, in whole centimetres; default 0",
+    add("--thickness LENGTH", "thickness of the slab; default as deep as the cut: it is cut through")
+    add(
+        "--truth PASCALS",
+        "modulus that was put in, to be shown beside those found; default what the tracks say of it",
+        float,
     )
-    parser.add_argument(
-        "--thickness", metavar="LENGTH", help="thickness of the slab; default as deep as the cut: it is cut through"
-    )
-    parser.add_argument(
-        "--truth",
-        type=float,
-        metavar="PASCALS",
-        help="modulus that was put in, to be shown beside those found; default what the tracks say of it",
-    )
-    parser.add_argument("--out", type=Path, metavar="PAGE", help="page to write; default NAME_field.html, here")
+    add("--out PAGE", "page to write; default NAME_field.html, here", Path)
     return parser

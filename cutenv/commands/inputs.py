@@ -19,8 +19,7 @@ from cutenv.records.measurement.calibration import RefusedRecord
 from cutenv.records.measurement.measured_cut import SPECIMEN_KEY
 from cutenv.sim.trace import Trace
 
-SUFFIXES = tuple(FORMATS)
-"""Endings of this package's record files, which are looked for in a folder."""
+SUFFIXES = tuple(FORMATS)  # endings of this package's record files, which are looked for in a folder
 MAPPED_SUFFIXES = (
     ".txt", ".tsv", ".dat", ".asc", ".lvm", ".tra", ".log", ".prn", ".out", ".json", ".jsonl", ".sto", ".mot",
     *FOREIGN_SUFFIXES,
@@ -31,10 +30,7 @@ _MOST_NOTES = 3  # notes on an option without effect, a line for each record; of
 
 
 class Source(NamedTuple):
-    """Source of a cut: file, and number from 1.
-
-    The number is None if the cut is the only one.
-    """
+    """Source of a cut: file, and number from 1; None for the only one."""
 
     path: Path
     number: int | None
@@ -52,12 +48,8 @@ class LoadedTraces(NamedTuple):
 def read_records(arguments: argparse.Namespace) -> LoadedTraces:
     """Read all files; cuts are named after their file.
 
-    Raises
-    ------
-    ValueError
-        If the options are invalid, or a record is bad and not to be skipped: names all of them, with reasons.
-    OSError
-        If a file cannot be opened.
+    Raise ValueError if the options are invalid, or a record is bad and not to be skipped: names all of them, with
+    reasons; OSError if a file cannot be opened.
     """
     mapping = given_mapping(arguments)
     pattern = _pattern(arguments.specimen)
@@ -114,12 +106,7 @@ def read_records(arguments: argparse.Namespace) -> LoadedTraces:
 def chosen_cut(records: LoadedTraces, number: int | None) -> Trace:
     """Return a cut by number from 1, by default the first.
 
-    A note is printed if there are others.
-
-    Raises
-    ------
-    ValueError
-        If there is no such cut.
+    A note is printed if there are others. Raise ValueError if there is no such cut.
     """
     by_number = {source.number or 1: trace for source, trace in zip(records.sources, records.traces, strict=True)}
     if not by_number:
@@ -139,12 +126,8 @@ def record_files(arguments: argparse.Namespace) -> list[Path]:
     """Return the files of ``arguments.records``, with patterns and folders expanded.
 
     Files of other programs are looked for where there is a mapping, given or kept. The folder of a bag, or of a data
-    set of LeRobot, is one record. A table of operators and the command's own output are no records.
-
-    Raises
-    ------
-    FileNotFoundError
-        If a file is missing, or a folder holds no records.
+    set of LeRobot, is one record. A table of operators and the command's own output are no records. Raise
+    FileNotFoundError if a file is missing, or a folder holds no records.
     """
     ours = {path.resolve() for name in ("operators", "out") if (path := getattr(arguments, name, None)) is not None}
     ours |= {path.with_suffix(".csv") if path.suffix == ".html" else path / "scores.csv" for path in ours}
@@ -176,10 +159,7 @@ def record_files(arguments: argparse.Namespace) -> list[Path]:
 
 
 def _is_record(path: Path, *, mapped: bool) -> bool:
-    """Return whether a path's name is that of a record.
-
-    Files of other programs count only if ``mapped``.
-    """
+    """Return whether a path is a record; other programs' files only if ``mapped``."""
     suffix = Path(path.stem).suffix if mapped and path.suffix.lower() == PACKED else path.suffix
     known = (*SUFFIXES, *MAPPED_SUFFIXES) if mapped else SUFFIXES
     return suffix.lower() in known if path.is_file() else is_record_folder(path)
@@ -208,10 +188,7 @@ def targets(traces: list[Trace], given: float | None) -> tuple[list[float | None
 
 
 def given_mapping(arguments: argparse.Namespace) -> ColumnMap | None:
-    """Return the mapping of ``--map`` and ``--unit``, or None.
-
-    ValueError for ``--unit`` alone.
-    """
+    """Return the mapping of ``--map`` and ``--unit``, or None. ValueError for ``--unit`` alone."""
     if arguments.map is None:
         if arguments.unit is not None:
             raise ValueError("--unit goes with --map: cutenv's own files have their units in the header.")

@@ -217,14 +217,11 @@ def _parser() -> argparse.ArgumentParser:
         note="At a terminal an open question is asked; --yes takes the proposed answers. The last line of each file\n"
         "is the command that scores it as it is shown.",
     )  # fmt: skip
-    add = parser.add_argument
-    add("records", nargs="+", type=Path, metavar="FILE", help="records of any program, or folders of them")
-    add("--out", type=Path, metavar="PAGE.html", help="page with the pictures, questions and rows left out")
-    add("--yes", action="store_true", help="take the proposed answer of every question")
-    add("--json", action="store_true", help="print records, questions and rows left out as JSON")
-    add(
-        "--map", nargs="+", metavar="FIELD=COLUMN",
-        help="which column is what, as for cutenv score; without it, what the file states",
-    )  # fmt: skip
-    add("--unit", metavar="UNIT", help="unit of the force: N, mN, kN, gf, kgf, lbf, or 1 if it is normalised")
+    add = parser.option
+    add("records FILE", "records of any program, or folders of them", Path, nargs="+")
+    add("--out PAGE.html", "page with the pictures, questions and rows left out", Path)
+    add("--yes", "take the proposed answer of every question")
+    add("--json", "print records, questions and rows left out as JSON")
+    add("--map FIELD=COLUMN", "which column is what, as for cutenv score; without it, what the file states", nargs="+")
+    add("--unit UNIT", "unit of the force: N, mN, kN, gf, kgf, lbf, or 1 if it is normalised")
     return parser

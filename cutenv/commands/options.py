@@ -22,30 +22,34 @@ if TYPE_CHECKING:  # slow to import, and --help does not need it
     from cutenv.records.scoring.study.sequential import SequentialQuestion
     from cutenv.sim.tissue.lines import CutLine
 
-Main = Callable[[Sequence[str]], int]
-"""Entry point of a command: takes its arguments, returns the exit status."""
+Main = Callable[[Sequence[str]], int]  # entry point of a command: takes its arguments, returns the exit status
 
-LIVE_PORT = 8801
-"""Default port at which a rig's readings can be watched, on its own machine alone."""
+LIVE_PORT = 8801  # default port at which a rig's readings can be watched, on its own machine alone
 RIG = 'a rig\'s TOML file, "emulator", "serial" or "grbl" (emulated slow rigs) or "fake"'
 """Help of every argument that names a rig."""
 
 
-SCREEN = (24, 80)
-"""Lines and columns of the smallest usual terminal, which ``-h`` fits."""
+def add_option(to: argparse._ActionsContainer, name: str, about: str, kind: Any = str, **more: Any) -> None:
+    """Add an option ``--name PLACEHOLDER``, a flag ``--name``, or an argument ``name PLACEHOLDER``, with its help.
+
+    ``kind`` is the type of the value, or the default, which has that type; ``more`` is argparse's.
+    """
+    name, _, shown = name.partition(" ")
+    if not (shown or more or kind is not str):
+        to.add_argument(name, action="store_true", help=about)
+        return
+    if not callable(kind):
+        more["default"], kind = kind, Path if isinstance(kind, Path) else type(kind)
+    to.add_argument(name, type=kind, metavar=shown or None, help=about, **more)
+
+
+SCREEN = (24, 80)  # lines and columns of the smallest usual terminal, which ``-h`` fits
 
 
 class CommandParser(argparse.ArgumentParser):
     """Parser of a sub-command, with ``-h`` for a screen, ``--help`` for all.
 
-    Both begin with common uses.
-
-    Parameters
-    ----------
-    common : sequence of str
-        The commonest uses, as they are typed.
-    **keywords
-        Those of ``argparse.ArgumentParser``.
+    Both begin with common uses. ``common`` are typed whole; ``**keywords`` are those of ``argparse.ArgumentParser``.
     """
 
     def __init__(self, *, common: Sequence[str] = (), **keywords: Any) -> None:
@@ -55,6 +59,8 @@ class CommandParser(argparse.ArgumentParser):
             "-h", action=_Screen, nargs=0, dest="help", default=argparse.SUPPRESS, help="show the options"
         )
         self.add_argument("--help", action="help", default=argparse.SUPPRESS, help="explain every option")
+
+    option = add_option
 
     def format_help(self) -> str:
         """Return the whole help."""
@@ -120,7 +126,7 @@ class _Screen(argparse.Action):
 
 def command_parser(
     name: str, description: str | None, *, examples: Sequence[str] = (), note: str = ""
-) -> argparse.ArgumentParser:
+) -> CommandParser:
     """Return the parser of ``cutenv NAME``.
 
     Its help begins with the first two examples, the commonest uses, and ends with all of them and a note; they are
@@ -176,20 +182,17 @@ def _is_unexpected_keyword(error: Exception) -> bool:
 
 def add_target_length(parser: argparse.ArgumentParser, default: str) -> None:
     """Add ``--target-length``, read by :func:`target_length`; ``default`` completes its help."""
-    parser.add_argument(
-        "--target-length",
-        metavar="LENGTH",
-        help=f"length of the cut from the clamp, with its unit: 80mm, 8cm, 3.15in; default {default}",
+    add_option(
+        parser,
+        "--target-length LENGTH",
+        f"length of the cut from the clamp, with its unit: 80mm, 8cm, 3.15in; default {default}",
     )
 
 
 def target_length(arguments: argparse.Namespace) -> float | None:
     """Return ``--target-length`` in metres, or None.
 
-    Raises
-    ------
-    ValueError
-        If it is not a length with a unit, or no specimen is so long.
+    Raise ValueError if it is not a length with a unit, or no specimen is so long.
     """
     return length_given(arguments, "target_length", (0.005, 0.15), "Write 80mm or 8cm.")
 
@@ -197,10 +200,7 @@ def target_length(arguments: argparse.Namespace) -> float | None:
 def length_given(arguments: argparse.Namespace, name: str, limits: tuple[float, float], cure: str) -> float | None:
     """Return the length [m] of an option, or None.
 
-    Raises
-    ------
-    ValueError
-        If it is not a length with a unit, or outside the limits [m]; the message ends with the ``cure``.
+    Raise ValueError if it is not a length with a unit, or outside the limits [m]; the message ends with the ``cure``.
     """
     from cutenv._base.validation import in_range
     from cutenv.records.schema import parse_length
@@ -211,10 +211,10 @@ def length_given(arguments: argparse.Namespace, name: str, limits: tuple[float, 
 
 def add_depth_options(parser: argparse.ArgumentParser) -> None:
     """Add ``--wanted-depth`` and ``--layer-depth``, for :func:`wanted_depth_given` and :func:`layer_depth_given`."""
-    parser.add_argument(
-        "--wanted-depth",
-        metavar="DEPTH",
-        help="depth below the surface that the cut should have, with its unit: 8mm; or along the cut, linear between "
+    add_option(
+        parser,
+        "--wanted-depth DEPTH",
+        "depth below the surface that the cut should have, with its unit: 8mm; or along the cut, linear between "
         "POSITION:DEPTH: 0mm:6mm,80mm:14mm; default the record's own",
     )
     add_layer_depth(parser, "the record's own")
@@ -222,10 +222,10 @@ def add_depth_options(parser: argparse.ArgumentParser) -> None:
 
 def add_line(parser: argparse.ArgumentParser, of: str, default: str) -> None:
     """Add ``--line``, read by :func:`line_given`; ``of`` and ``default`` complete the help."""
-    parser.add_argument(
-        "--line",
-        metavar="LINE",
-        help=f"line to cut along, {of}: straight, arc:RADIUS, s:RADIUS, excision:LENGTH:HEIGHT (to the right: "
+    add_option(
+        parser,
+        "--line LINE",
+        f"line to cut along, {of}: straight, arc:RADIUS, s:RADIUS, excision:LENGTH:HEIGHT (to the right: "
         "negative), with units (arc:40mm), or a CSV file of places with columns such as x_mm,y_mm; default "
         f"{default}",
     )
@@ -246,12 +246,7 @@ _LINES = "write straight, arc:40mm, s:40mm, excision:80mm:15mm, or a file"
 def line_given(arguments: argparse.Namespace) -> CutLine | None:
     """Return ``--line``, None if it is not given.
 
-    Raises
-    ------
-    ValueError
-        If it is no line, leaves the slab, turns back or bends too far.
-    OSError
-        If the file cannot be read.
+    Raise ValueError if it is no line, leaves the slab, turns back or bends too far; OSError if the file cannot be read.
     """
     from cutenv.records.line_file import read_line
     from cutenv.records.schema import parse_length
@@ -276,20 +271,17 @@ def line_given(arguments: argparse.Namespace) -> CutLine | None:
 
 def add_layer_depth(parser: argparse.ArgumentParser, default: str) -> None:
     """Add ``--layer-depth``, read by :func:`layer_depth_given`; ``default`` completes its help."""
-    parser.add_argument(
-        "--layer-depth",
-        metavar="DEPTH",
-        help=f"depth below the surface at which another layer begins, with its unit: 12mm; default {default}",
+    add_option(
+        parser,
+        "--layer-depth DEPTH",
+        f"depth below the surface at which another layer begins, with its unit: 12mm; default {default}",
     )
 
 
 def wanted_depth_given(arguments: argparse.Namespace) -> DepthProfile | None:
     """Return ``--wanted-depth``, None if it is not given.
 
-    Raises
-    ------
-    ValueError
-        If it is neither a length with a unit nor pairs of them, or out of range.
+    Raise ValueError if it is neither a length with a unit nor pairs of them, or out of range.
     """
     from cutenv.records.measurement.depth import wanted_depth
     from cutenv.records.schema import parse_length
@@ -309,10 +301,7 @@ def wanted_depth_given(arguments: argparse.Namespace) -> DepthProfile | None:
 def layer_depth_given(arguments: argparse.Namespace) -> float | None:
     """Return ``--layer-depth`` in metres, or None.
 
-    Raises
-    ------
-    ValueError
-        If it is not a length with a unit, or out of range.
+    Raise ValueError if it is not a length with a unit, or out of range.
     """
     return length_given(arguments, "layer_depth", (0.0005, 0.1), "Write 12mm.")
 
@@ -321,27 +310,22 @@ def add_specimen_class(parser: argparse.ArgumentParser, default: str) -> None:
     """Add ``--specimen-class``."""
     from cutenv.sim.tissue.specimen import CLASSES
 
-    parser.add_argument(
-        "--specimen-class", choices=CLASSES, default=default, help=f"class of drawn specimens; default {default}"
-    )
+    add_option(parser, "--specimen-class", f"class of drawn specimens; default {default}", default, choices=CLASSES)
 
 
 def add_tissue(parser: argparse.ArgumentParser) -> None:
     """Add ``--tissue``; see :func:`drawn_given`."""
-    parser.add_argument(
-        "--tissue",
-        metavar="FILE",
-        help="a tissue of your own, from 'cutenv calibrate', of which the specimens are drawn; default pig liver",
+    add_option(
+        parser,
+        "--tissue FILE",
+        "a tissue of your own, from 'cutenv calibrate', of which the specimens are drawn; default pig liver",
     )
 
 
 def drawn_given(arguments: argparse.Namespace) -> dict[str, str]:
     """Return environment keyword arguments for ``--specimen-class`` and ``--tissue``.
 
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        If the file is missing, or no tissue.
+    Raise FileNotFoundError, ValueError if the file is missing, or no tissue.
     """
     from cutenv.agents.learning.option_fields import drawn_as
     from cutenv.envs.tissue_source import TissueSource
@@ -351,32 +335,31 @@ def drawn_given(arguments: argparse.Namespace) -> dict[str, str]:
 
 
 def add_task(parser: argparse.ArgumentParser, part: str, more: str = "", *, several: bool = False) -> None:
-    """Add ``--task`` for tasks with a part in the registry.
-
-    The help ends with ``more``.
-    """
+    """Add ``--task`` for tasks with a part in the registry. The help ends with ``more``."""
     from cutenv.task.registry import tasks_in_words, tasks_with
 
     names = tasks_with(part)
     action, default = ("append", None) if several else ("store", names[0])
     about = f"{tasks_in_words(names)}{more}; default {names[0]}"
-    parser.add_argument("--task", choices=names, action=action, default=default, help=about)
+    add_option(parser, "--task", about, choices=names, action=action, default=default)
 
 
 def add_watch(parser: argparse.ArgumentParser, about: str) -> None:
     """Add ``--watch``, the port of live readings."""
-    parser.add_argument(
-        "--watch", type=_port, nargs="?", const=LIVE_PORT, metavar="PORT", help=f"{about}; default port {LIVE_PORT}"
-    )
+    add_option(parser, "--watch PORT", f"{about}; default port {LIVE_PORT}", _port, nargs="?", const=LIVE_PORT)
 
 
 def add_lsl(parser: argparse.ArgumentParser) -> None:
     """Add ``--lsl``, the visibility of Lab Streaming Layer streams."""
-    parser.add_argument(
-        "--lsl", choices=("machine", "link", "site"), nargs="?", const="machine",
-        help="stream force, position, depth and markers by the Lab Streaming Layer while a cut goes on, to be found on "
+    add_option(
+        parser,
+        "--lsl",
+        "stream force, position, depth and markers by the Lab Streaming Layer while a cut goes on, to be found on "
         "this machine (the default), its network (link) or its site; off unless asked",
-    )  # fmt: skip
+        choices=("machine", "link", "site"),
+        nargs="?",
+        const="machine",
+    )
 
 
 def _port(text: str) -> int:
@@ -401,30 +384,25 @@ def add_record_options(
         parser.add_argument("records", nargs=files, type=Path, metavar=metavar, help=about)
     else:
         parser.add_argument(option, dest="records", nargs=files, type=Path, metavar=metavar, help=about, required=True)
-    parser.add_argument(
-        "--specimen",
-        metavar="PATTERN",
-        help="regular expression for the file's path; what it matches (its first group) names the specimen, where "
+    add_option(
+        parser,
+        "--specimen PATTERN",
+        "regular expression for the file's path; what it matches (its first group) names the specimen, where "
         "the record does not",
     )
-    parser.add_argument("--verbose", action="store_true", help="print how each file was read")
-    parser.add_argument("--skip-bad", action="store_true", help="leave bad records out, with a note, and go on")
+    add_option(parser, "--verbose", "print how each file was read")
+    add_option(parser, "--skip-bad", "leave bad records out, with a note, and go on")
     foreign = parser.add_argument_group("files of other programs")
-    foreign.add_argument(
-        "--map",
-        nargs="+",
-        metavar="FIELD=COLUMN",
-        help="which column is what: time=t force=Fx, force=norm(Fx,Fy,Fz), position=x[mm], angle=90deg, depth=20mm, "
+    add_option(
+        foreign,
+        "--map FIELD=COLUMN",
+        "which column is what: time=t force=Fx, force=norm(Fx,Fy,Fz), position=x[mm], angle=90deg, depth=20mm, "
         "rate=1000Hz, split_by=trial,cut; kept beside the files as cutenv-columns.json for the next time",
+        nargs="+",
     )
-    foreign.add_argument(
-        "--unit", metavar="UNIT", help="unit of the force: N, mN, kN, gf, kgf, lbf, or 1 if it is normalised"
-    )
-    foreign.add_argument(
-        "--confirm",
-        type=Path,
-        metavar="FOLDER",
-        help="draw every record into this folder: offset taken off, cuts and flaws found",
+    add_option(foreign, "--unit UNIT", "unit of the force: N, mN, kN, gf, kgf, lbf, or 1 if it is normalised")
+    add_option(
+        foreign, "--confirm FOLDER", "draw every record into this folder: offset taken off, cuts and flaws found", Path
     )
 
 
@@ -435,29 +413,19 @@ def add_question(parser: argparse.ArgumentParser, *, unit: str, smallest: str, m
     """
     asked = parser.add_argument_group("stop when it is decided")
     if not always:
-        asked.add_argument(
-            "--until", choices=("decided",), help=f"look after every {unit}, and stop when it is decided: better, "
-            "worse, or equivalent within --smallest",
-        )  # fmt: skip
-    asked.add_argument(
-        "--error", type=float, default=0.05, metavar="P", help="largest probability of a wrong decision; default 0.05"
-    )
-    asked.add_argument(
-        "--smallest", type=float, metavar="DIFFERENCE", help=f"smallest that matters; default {smallest}"
-    )
-    asked.add_argument(
-        "--most", type=int, default=most, metavar="N", help=f"end undecided after so many; default {most}"
-    )
+        add_option(
+            asked,
+            "--until",
+            f"look after every {unit}, and stop when it is decided: better, worse, or equivalent within --smallest",
+            choices=("decided",),
+        )
+    add_option(asked, "--error P", "largest probability of a wrong decision; default 0.05", 0.05)
+    add_option(asked, "--smallest DIFFERENCE", f"smallest that matters; default {smallest}", float)
+    add_option(asked, "--most N", f"end undecided after so many; default {most}", int, default=most)
 
 
 def question_given(arguments: argparse.Namespace, *, smallest: float, reach: float = 1.0) -> SequentialQuestion:
-    """Return what the options of :func:`add_question` ask.
-
-    Raises
-    ------
-    ValueError
-        If a number is out of range.
-    """
+    """Return what the options of :func:`add_question` ask; raise ValueError if a number is out of range."""
     from cutenv.records.scoring.study.sequential import SequentialQuestion
 
     given = smallest if arguments.smallest is None else arguments.smallest
@@ -469,32 +437,28 @@ def add_study_options(parser: argparse.ArgumentParser, *, columns: str) -> None:
     add_record_options(
         parser, metavar="FOLDER", about="folder of records (CSV, Parquet or HDF5), or the records themselves"
     )
-    parser.add_argument(
-        "--operators",
-        type=Path,
-        metavar="TABLE.csv",
-        help=f"table with columns record, operator (an anonymous code, P07), and where known {columns}; default the "
+    add_option(
+        parser,
+        "--operators TABLE.csv",
+        f"table with columns record, operator (an anonymous code, P07), and where known {columns}; default the "
         "operators and dates in the records: an operator's days are the sessions",
+        Path,
     )
-    parser.add_argument(
-        "--reference",
-        default="baselines",
-        metavar="SET",
-        help="cuts that the overall score of a record of force alone compares with, as for cutenv score; default "
+    add_option(
+        parser,
+        "--reference SET",
+        "cuts that the overall score of a record of force alone compares with, as for cutenv score; default baselines",
         "baselines",
     )
     add_target_length(parser, "the records' own, which always hold")
-    parser.add_argument("--name", metavar="NAME", help="title; default the table's name, or the folder's")
+    add_option(parser, "--name NAME", "title; default the table's name, or the folder's")
     add_language(parser)
 
 
 def add_language(parser: argparse.ArgumentParser) -> None:
     """Add the language of the pages."""
-    parser.add_argument(
-        "--language",
-        choices=languages(),
-        default=ENGLISH,
-        help="language of the pages; tables for programs are English",
+    add_option(
+        parser, "--language", "language of the pages; tables for programs are English", ENGLISH, choices=languages()
     )
 
 
@@ -509,18 +473,13 @@ def note_missing(language: str) -> None:
 
 def add_cut(parser: argparse.ArgumentParser) -> None:
     """Add ``--cut``, see :func:`cutenv.commands.inputs.chosen_cut`."""
-    parser.add_argument("--cut", type=int, metavar="N", help="number of the cut in the file, from 1; default the first")
+    add_option(parser, "--cut N", "number of the cut in the file, from 1; default the first", int)
 
 
 def made_folder(option: str, folder: Path) -> Path:
     """Return the folder; make it and its parents if missing.
 
-    Raises
-    ------
-    ValueError
-        If a file has its name.
-    OSError
-        If it cannot be made, or nothing can be written there.
+    Raise ValueError if a file has its name; OSError if it cannot be made, or nothing can be written there.
     """
     check_place(option, folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -531,12 +490,8 @@ def made_folder(option: str, folder: Path) -> Path:
 def check_place(option: str, folder: Path) -> None:
     """Raise unless a folder could be made here; make none.
 
-    Raises
-    ------
-    ValueError
-        If a file has its name, or that of a folder above it.
-    OSError
-        If nothing can be written in the nearest folder that exists.
+    Raise ValueError if a file has its name, or that of a folder above it; OSError if nothing can be written in the
+    nearest folder that exists.
     """
     there = next(each for each in (folder.absolute(), *folder.absolute().parents) if each.exists())
     if not there.is_dir():
@@ -548,12 +503,8 @@ def check_place(option: str, folder: Path) -> None:
 def made_picture(option: str, file: Path) -> Path:
     """Return the path of a picture to write (.png); make folders.
 
-    Raises
-    ------
-    ValueError
-        If its name does not end in ``.png``, or it is a folder.
-    OSError
-        If its folder cannot be made, or nothing can be written there.
+    Raise ValueError if its name does not end in ``.png``, or it is a folder; OSError if its folder cannot be made, or
+    nothing can be written there.
     """
     if file.suffix.lower() != ".png":
         raise ValueError(f"{option} {file} is no PNG. Give a name that ends in .png.")
@@ -563,12 +514,7 @@ def made_picture(option: str, file: Path) -> Path:
 def made_place(option: str, file: Path) -> Path:
     """Return the path of a file to write; make folders.
 
-    Raises
-    ------
-    ValueError
-        If it is a folder.
-    OSError
-        If its folder cannot be made, or nothing can be written there.
+    Raise ValueError if it is a folder; OSError if its folder cannot be made, or nothing can be written there.
     """
     if file.is_dir():
         raise ValueError(f"{option} {file} is a folder; give a file.")

@@ -111,50 +111,39 @@ def _parser() -> argparse.ArgumentParser:
             100,
         ),
     )
+    add = parser.option
     add_study_options(parser, columns="group, session, order, and a column of marks for each rater")
-    parser.add_argument(
-        "--out", type=Path, metavar="FILE.html", help="page to write; people as .csv and everything as .json beside it"
-    )
-    parser.add_argument("--passing", metavar="GROUP", help="group that is to pass, such as expert")
-    parser.add_argument(
-        "--failing", metavar="GROUP", help="group that is not to pass; of two groups the other one by default"
-    )
-    parser.add_argument(
-        "--metric",
+    add("--out FILE.html", "page to write; people as .csv and everything as .json beside it", Path)
+    add("--passing GROUP", "group that is to pass, such as expert")
+    add("--failing GROUP", "group that is not to pass; of two groups the other one by default")
+    add(
+        "--metric NAME",
+        "overall_score or the name of a metric; give it again for more; default the score and its leading metrics",
         action="append",
-        metavar="NAME",
-        help="overall_score or the name of a metric; give it again for more; default the score and its leading metrics",
     )
-    parser.add_argument(
-        "--mark",
+    add(
+        "--mark [METRIC=]NUMBER",
+        "mark that you set: 60 for the overall score, tip_error=3mm for a metric; give it again for more",
         action="append",
-        metavar="[METRIC=]NUMBER",
-        help="mark that you set: 60 for the overall score, tip_error=3mm for a metric; give it again for more",
     )
-    parser.add_argument(
+    add(
         "--method",
-        choices=tuple(METHOD_NAMES),
-        default="contrasting-groups",
-        help="method whose mark proficiency is counted by, where you set none; default contrasting-groups. All methods "
+        "method whose mark proficiency is counted by, where you set none; default contrasting-groups. All methods "
         "are shown side by side",
+        "contrasting-groups",
+        choices=tuple(METHOD_NAMES),
     )
-    parser.add_argument(
-        "--sd",
-        type=float,
-        default=1.0,
-        metavar="NUMBER",
-        help="distance of expert-sd from the mean of the passing group, in standard deviations; default 1",
+    add(
+        "--sd NUMBER",
+        "distance of expert-sd from the mean of the passing group, in standard deviations; default 1",
+        1.0,
     )
-    parser.add_argument(
-        "--in-a-row", type=int, default=2, metavar="CUTS", help="consecutive passes that are proficiency; default 2"
-    )
-    parser.add_argument(
-        "--raters", nargs="+", metavar="COLUMN", help="columns of the table with raters' marks, on any scale"
-    )
-    parser.add_argument(
+    add("--in-a-row CUTS", "consecutive passes that are proficiency; default 2", 2)
+    add("--raters COLUMN", "columns of the table with raters' marks, on any scale", nargs="+")
+    add(
         "--best-mark",
+        "end of the raters' scale that is best; default highest",
+        "highest",
         choices=("highest", "lowest"),
-        default="highest",
-        help="end of the raters' scale that is best; default highest",
     )
     return parser

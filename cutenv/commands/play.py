@@ -11,20 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cutenv.commands.options import (
-    add_lsl,
-    add_specimen_class,
-    add_target_length,
-    add_task,
-    add_tissue,
-    check_line,
-    check_place,
-    command_parser,
-    drawn_given,
-    made_picture,
-    reports_errors,
-    target_length,
-)
+from cutenv.commands import options
 from cutenv.sim.tissue.drawn_lines import KINDS
 from cutenv.task.registry import TASKS
 
@@ -37,7 +24,7 @@ _DEFAULT_CLASS = "liver"
 _EMULATED, _EMULATED_TARGET = "emulated-inverse3", 0.08  # [m]
 
 
-@reports_errors("play")
+@options.reports_errors("play")
 def main(argv: Sequence[str]) -> int:
     """Play; return 0, 1 without the extra, 2 on bad input."""
     arguments = _parser().parse_args(argv)
@@ -54,7 +41,7 @@ def main(argv: Sequence[str]) -> int:
     from cutenv.records.foreign.lsl import LslOutlet
 
     course = _course_of(arguments)
-    length = target_length(arguments)
+    length = options.target_length(arguments)
     by_itself = arguments.scripted or arguments.device == _EMULATED
     if arguments.scripted and arguments.device != "mouse":
         raise ValueError(f"--scripted moves the hand by itself, and --device {arguments.device} has one. Give either.")
@@ -64,11 +51,11 @@ def main(argv: Sequence[str]) -> int:
             "would have to act in the plane. Leave --device out."
         )
     if arguments.line is not None:
-        check_line(arguments.line, [arguments.task])
-    drawn_given(arguments)  # refuses a file that is no tissue
+        options.check_line(arguments.line, [arguments.task])
+    options.drawn_given(arguments)  # refuses a file that is no tissue
     if arguments.picture is not None:
-        made_picture("--picture", arguments.picture)
-    check_place("--out", arguments.out)  # made when everything else is known to be right
+        options.made_picture("--picture", arguments.picture)
+    options.check_place("--out", arguments.out)  # made when everything else is known to be right
     agent = _agent_of(arguments)
     axes = None if arguments.axes is None else HandleAxes.parse(arguments.axes)
     open_display()  # before what takes half a minute where it has to be compiled
@@ -122,10 +109,7 @@ def main(argv: Sequence[str]) -> int:
 def _agent_of(arguments: argparse.Namespace) -> SharingAgent | None:
     """Return the agent that shares the cuts, if any.
 
-    Raises
-    ------
-    ValueError
-        If there is no such policy, it is for another task, or an option does not go with it.
+    Raise ValueError if there is no such policy, it is for another task, or an option does not go with it.
     """
     if arguments.policy is None:
         return None
@@ -142,10 +126,7 @@ def _agent_of(arguments: argparse.Namespace) -> SharingAgent | None:
 def _course_of(arguments: argparse.Namespace) -> CourseProgress | None:
     """Return the operator's progress in the course, or None.
 
-    Raises
-    ------
-    ValueError
-        If the course is not valid or done, there is no code, or an option says what the course says.
+    Raise ValueError if the course is not valid or done, there is no code, or an option says what the course says.
     """
     if arguments.course is None:
         return None
@@ -170,7 +151,7 @@ def _course_of(arguments: argparse.Namespace) -> CourseProgress | None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = command_parser(
+    parser = options.command_parser(
         "play",
         __doc__,
         examples=(
@@ -187,52 +168,46 @@ def _parser() -> argparse.ArgumentParser:
         "F11 fills the screen, esc ends.\n"
         "Training feedback for research; not validated for assessment or credentialing of people.",
     )
-    add_task(parser, "played", "; a blade that also moves up and down is led by the wheel")
-    parser.add_argument(
-        "--line", choices=(*KINDS, "mixed"), help="drawn line to cut along; default mixed, which is any of them"
-    )
-    parser.add_argument(
-        "--policy", metavar="POLICY",
-        help="share the cut with an agent, named as for 'cutenv evaluate': it cuts, and you lead while you hold space, "
+    add = parser.option
+    options.add_task(parser, "played", "; a blade that also moves up and down is led by the wheel")
+    add("--line", "drawn line to cut along; default mixed, which is any of them", choices=(*KINDS, "mixed"))
+    add(
+        "--policy POLICY",
+        "share the cut with an agent, named as for 'cutenv evaluate': it cuts, and you lead while you hold space, "
         "an arrow key, the mouse button, or the first button of a handle or gamepad",
-    )  # fmt: skip
-    add_specimen_class(parser, _DEFAULT_CLASS)
+    )
+    options.add_specimen_class(parser, _DEFAULT_CLASS)
     parser.set_defaults(specimen_class=None)  # so that it is known whether it was given
-    add_tissue(parser)
-    add_target_length(parser, "drawn from 60mm to 100mm")
-    parser.add_argument(
-        "--course",
-        metavar="COURSE",
-        help="file of a course, or the name of one that comes with cutenv (first, force-shown, depth, path): goes on "
+    options.add_tissue(parser)
+    options.add_target_length(parser, "drawn from 60mm to 100mm")
+    add(
+        "--course COURSE",
+        "file of a course, or the name of one that comes with cutenv (first, force-shown, depth, path): goes on "
         "with the operator's next task, as the records in --out tell",
     )
-    parser.add_argument("--operator", metavar="CODE", help="anonymous code in the records, such as P07")
-    parser.add_argument(
-        "--seed", type=int, metavar="N", help="seed of the specimens, for the same ones again; default a new one"
-    )
-    parser.add_argument("--practice", action="store_true", help="show what is hidden; the records are marked so")
-    parser.add_argument("--cuts", type=int, metavar="N", help="number of cuts after which to end; default no end")
-    parser.add_argument(
-        "--out", type=Path, default=Path("cuts"), metavar="FOLDER", help="folder of the records; default cuts"
-    )
-    parser.add_argument(
+    add("--operator CODE", "anonymous code in the records, such as P07")
+    add("--seed N", "seed of the specimens, for the same ones again; default a new one", int)
+    add("--practice", "show what is hidden; the records are marked so")
+    add("--cuts N", "number of cuts after which to end; default no end", int)
+    add("--out FOLDER", "folder of the records; default cuts", Path("cuts"))
+    add(
         "--scripted",
-        action="store_true",
-        help="let a simple script move the hand (one cut unless --cuts), as fast as it can be drawn; with "
+        "let a simple script move the hand (one cut unless --cuts), as fast as it can be drawn; with "
         "SDL_VIDEODRIVER=dummy it needs no display",
     )
-    add = parser.add_argument
     add(
-        "--device", choices=("mouse", "inverse3", "force-dimension", _EMULATED), default="mouse",
-        help="device in the hand: mouse or gamepad (the default), a Haply Inverse3, one of Force Dimension, or an "
+        "--device",
+        "device in the hand: mouse or gamepad (the default), a Haply Inverse3, one of Force Dimension, or an "
         "emulated Inverse3 whose hand cuts by itself",
-    )  # fmt: skip
-    add("--device-url", metavar="URL", help="address of Haply's Inverse Service; default ws://localhost:10001")
+        "mouse",
+        choices=("mouse", "inverse3", "force-dimension", _EMULATED),
+    )
+    add("--device-url URL", "address of Haply's Inverse Service; default ws://localhost:10001")
     add(
-        "--axes", metavar="ALONG,LEAN,UP",
-        help="axes of a haptic device along the cut, for leaning the blade, and upwards, such as --axes=-y,x,z; a "
+        "--axes ALONG,LEAN,UP",
+        "axes of a haptic device along the cut, for leaning the blade, and upwards, such as --axes=-y,x,z; a "
         "minus turns one round; default x,y,z, of Force Dimension y,x,z",
-    )  # fmt: skip
-    add_lsl(parser)
-    parser.add_argument("--picture", type=Path, metavar="FILE", help="PNG of the last picture to write")
+    )
+    options.add_lsl(parser)
+    add("--picture FILE", "PNG of the last picture to write", Path)
     return parser

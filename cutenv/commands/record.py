@@ -63,17 +63,21 @@ def _parser() -> argparse.ArgumentParser:
             "--stream BioForce --map force=Fz[N] depth=20mm angle=90deg --seconds 30 --out cuts/trial1.csv",
         ),
     )
-    add = parser.add_argument
-    add("--stream", required=True, metavar="NAME", help="name or source id of the stream")
+    add = parser.option
+    add("--stream NAME", "name or source id of the stream", required=True)
     add(
-        "--map", nargs="+", required=True, metavar="FIELD=CHANNEL",
-        help="channel of each field: force=Fz, force=norm(Fx,Fy,Fz), position=x[mm], force=#1, angle=90deg, depth=20mm",
-    )  # fmt: skip
-    add("--unit", metavar="UNIT", help="unit of the force where the stream names none: N, mN, kN, gf, kgf, lbf, or 1")
-    add("--seconds", type=float, metavar="S", help="duration of the record [s]; default until Ctrl-C")
-    add("--out", type=Path, required=True, metavar="FILE", help="new record, a .csv")
+        "--map FIELD=CHANNEL",
+        "channel of each field: force=Fz, force=norm(Fx,Fy,Fz), position=x[mm], force=#1, angle=90deg, depth=20mm",
+        nargs="+",
+        required=True,
+    )
+    add("--unit UNIT", "unit of the force where the stream names none: N, mN, kN, gf, kgf, lbf, or 1")
+    add("--seconds S", "duration of the record [s]; default until Ctrl-C", float)
+    add("--out FILE", "new record, a .csv", Path, required=True)
     add(
-        "--scope", choices=("machine", "link", "site"), default="machine",
-        help="how far the stream is searched for: this machine (the default), its network, or its site",
-    )  # fmt: skip
+        "--scope",
+        "how far the stream is searched for: this machine (the default), its network, or its site",
+        "machine",
+        choices=("machine", "link", "site"),
+    )
     return parser

@@ -11,30 +11,16 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cutenv.commands.options import (
-    add_depth_options,
-    add_language,
-    add_line,
-    add_record_options,
-    add_target_length,
-    command_parser,
-    layer_depth_given,
-    line_given,
-    made_folder,
-    reports_errors,
-    target_length,
-    wanted_depth_given,
-)
+from cutenv.commands import options
 
 if TYPE_CHECKING:  # what scores is slow to import, and --help does not need it
     from cutenv.records.scoring import ReferenceSet
 
 
-PAGES_NEED = ("jinja2", "matplotlib")
-"""Libraries without which a record is scored on the terminal alone."""
+PAGES_NEED = ("jinja2", "matplotlib")  # libraries without which a record is scored on the terminal alone
 
 
-@reports_errors("score")
+@options.reports_errors("score")
 def main(argv: Sequence[str]) -> int:
     """Score; return 0, or 2 on bad input."""
     arguments = _parser().parse_args(argv)
@@ -45,9 +31,13 @@ def main(argv: Sequence[str]) -> int:
     from cutenv.records.scoring.reference import fitting_reference
 
     if (pages := all(map(find_spec, PAGES_NEED))) or arguments.example:
-        made_folder("--out", arguments.out)
-    target, wanted, layer = target_length(arguments), wanted_depth_given(arguments), layer_depth_given(arguments)
-    line = line_given(arguments)
+        options.made_folder("--out", arguments.out)
+    target, wanted, layer = (
+        options.target_length(arguments),
+        options.wanted_depth_given(arguments),
+        options.layer_depth_given(arguments),
+    )
+    line = options.line_given(arguments)
     reference = reference_set(arguments.reference)
     if arguments.example:
         if arguments.records:
@@ -113,12 +103,7 @@ def _example(path: Path) -> Path:
 def reference_set(given: str) -> ReferenceSet | None:
     """Return a reference set by name, file or folder.
 
-    None for ``none``.
-
-    Raises
-    ------
-    ValueError
-        If it is none of these, or the folder holds too few cuts.
+    None for ``none``. Raise ValueError if it is none of these, or the folder holds too few cuts.
     """
     from cutenv.commands.inputs import SUFFIXES
     from cutenv.records import read_record
@@ -151,7 +136,7 @@ def reference_set(given: str) -> ReferenceSet | None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = command_parser(
+    parser = options.command_parser(
         "score",
         __doc__,
         examples=(
@@ -165,20 +150,18 @@ def _parser() -> argparse.ArgumentParser:
         ),
         note="Training feedback for research; not validated for assessment or credentialing of people.",
     )
-    add_record_options(parser, files="*")
-    parser.add_argument("--example", action="store_true", help="write the record of a simulated cut and score it")
-    add_target_length(parser, "the record's own, which always holds")
-    add_depth_options(parser)
-    add_line(parser, "of records with the places of the blade", "the record's own")
-    parser.add_argument(
-        "--reference",
-        default="baselines",
-        metavar="SET",
-        help="cuts that percentiles compare with: baselines (default), force-alone, none, a file of ReferenceSet.save, "
+    add = parser.option
+    options.add_record_options(parser, files="*")
+    add("--example", "write the record of a simulated cut and score it")
+    options.add_target_length(parser, "the record's own, which always holds")
+    options.add_depth_options(parser)
+    options.add_line(parser, "of records with the places of the blade", "the record's own")
+    add(
+        "--reference SET",
+        "cuts that percentiles compare with: baselines (default), force-alone, none, a file of ReferenceSet.save, "
         "or a folder of your people's records",
+        "baselines",
     )
-    parser.add_argument(
-        "--out", type=Path, default=Path(), metavar="FOLDER", help="folder of pages and tables; default here"
-    )
-    add_language(parser)
+    add("--out FOLDER", "folder of pages and tables; default here", Path())
+    options.add_language(parser)
     return parser

@@ -224,40 +224,24 @@ def _parser() -> argparse.ArgumentParser:
         ),
         note="--backup may run beside the server; --restore makes a class from it, on any machine.",
     )
-    parser.add_argument("folder", type=Path, metavar="FOLDER", help="folder of the class: its database and records")
-    parser.add_argument(
-        "--course", metavar="COURSE", help=f"course.toml, or one that is shipped: {', '.join(SHIPPED_COURSES)}"
-    )
-    parser.add_argument(
-        "--specimen-class", choices=CLASSES, default="liver", help="specimens without a course; default liver"
-    )
+    add = parser.option
+    add("folder FOLDER", "folder of the class: its database and records", Path)
+    add("--course COURSE", f"course.toml, or one that is shipped: {', '.join(SHIPPED_COURSES)}")
+    add("--specimen-class", "specimens without a course; default liver", "liver", choices=CLASSES)
     add_tissue(parser)
-    parser.add_argument("--title", default="cutenv", metavar="NAME", help="name of the class on its pages")
-    parser.add_argument("--language", choices=languages(), default=ENGLISH, help="language of the pages; default en")
-    parser.add_argument(
-        "--host",
-        default="127.0.0.1",
-        metavar="ADDRESS",
-        help="address to listen on; default 127.0.0.1: this machine",
-    )
-    parser.add_argument(
-        "--name",
-        action="append",
-        default=[],
-        metavar="HOST",
-        help="further name of this machine in browsers' addresses",
-    )
-    parser.add_argument("--port", type=int, default=8800, metavar="N", help="port; default 8800, 0 takes a free one")
-    parser.add_argument("--certificate", type=Path, metavar="FILE", help="certificate (PEM), for https")
-    parser.add_argument("--key", type=Path, metavar="FILE", help="its private key (PEM)")
-    parser.add_argument("--database", metavar="URL", help="postgresql+psycopg://...; default SQLite in FOLDER")
+    add("--title NAME", "name of the class on its pages", "cutenv")
+    add("--language", "language of the pages; default en", ENGLISH, choices=languages())
+    add("--host ADDRESS", "address to listen on; default 127.0.0.1: this machine", "127.0.0.1")
+    add("--name HOST", "further name of this machine in browsers' addresses", action="append", default=[])
+    add("--port N", "port; default 8800, 0 takes a free one", 8800)
+    add("--certificate FILE", "certificate (PEM), for https", Path)
+    add("--key FILE", "its private key (PEM)", Path)
+    add("--database URL", "postgresql+psycopg://...; default SQLite in FOLDER")
     add_watch(parser, "show the teacher a rig's cuts live, from 'cutenv rig run --watch' on this machine")
-    parser.add_argument("--lrs", metavar="URL", help="learning record store that gets an xAPI statement of every cut")
-    parser.add_argument("--lrs-login", type=Path, metavar="FILE", help='file with one line, "key:secret", its login')
-    parser.add_argument("--backup", type=Path, metavar="ZIP", help="write all that is stored to a file, and end")
-    parser.add_argument("--restore", type=Path, metavar="ZIP", help="fill a new FOLDER from such a file, and end")
-    parser.add_argument("--open", action="store_true", help="open the teacher's page in the browser, signed in")
-    parser.add_argument(
-        "--shortcut", action="store_true", help="put a shortcut with these options on the desktop, and end"
-    )
+    add("--lrs URL", "learning record store that gets an xAPI statement of every cut")
+    add("--lrs-login FILE", 'file with one line, "key:secret", its login', Path)
+    add("--backup ZIP", "write all that is stored to a file, and end", Path)
+    add("--restore ZIP", "fill a new FOLDER from such a file, and end", Path)
+    add("--open", "open the teacher's page in the browser, signed in")
+    add("--shortcut", "put a shortcut with these options on the desktop, and end")
     return parser

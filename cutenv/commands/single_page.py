@@ -75,35 +75,33 @@ def _parser() -> argparse.ArgumentParser:
         ),
         note="The page saves records that 'cutenv score' and 'cutenv study' read.",
     )
-    parser.add_argument("page", type=Path, metavar="PAGE", help="page to write (.html)")
+    add = parser.option
+    add("page PAGE", "page to write (.html)", Path)
     add_task(parser, "hand", "; may be repeated", several=True)
-    parser.add_argument(
+    add(
         "--line",
+        "kind of line to cut along, may be repeated: the specimens of a class have them in turn; default "
+        f"{', '.join(OFFERED_LINES)}",
         action="append",
         choices=KINDS,
-        help="kind of line to cut along, may be repeated: the specimens of a class have them in turn; default "
-        f"{', '.join(OFFERED_LINES)}",
     )
-    parser.add_argument(
+    add(
         "--specimen-class",
+        f"class of specimens, may be repeated; default {', '.join(OFFERED)}",
         action="append",
         choices=CLASSES,
-        help=f"class of specimens, may be repeated; default {', '.join(OFFERED)}",
     )
     add_tissue(parser)
-    parser.add_argument("--count", type=int, default=4, metavar="N", help="specimens of each class; default 4")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of specimens and targets; default 0")
-    parser.add_argument("--language", choices=languages(), default=ENGLISH, help="language of the page; default en")
-    parser.add_argument(
-        "--expert",
+    add("--count N", "specimens of each class; default 4", 4)
+    add("--seed N", "seed of specimens and targets; default 0", 0)
+    add("--language", "language of the page; default en", ENGLISH, choices=languages())
+    add(
+        "--expert POLICY",
+        "show the way of the planner, or of a shipped policy, in replays, too; seconds of work for a specimen",
         nargs="?",
         const=ORACLE,
-        metavar="POLICY",
-        help="show the way of the planner, or of a shipped policy, in replays, too; seconds of work for a specimen",
     )
-    parser.add_argument(
-        "--scorm", type=Path, metavar="PACKAGE", help="write it as a SCORM 1.2 package for a learning platform, too"
-    )
-    parser.add_argument("--pass-mark", type=float, metavar="SCORE", help="score that passes there, 0 to 100")
-    parser.add_argument("--open", action="store_true", help="open the page in the browser")
+    add("--scorm PACKAGE", "write it as a SCORM 1.2 package for a learning platform, too", Path)
+    add("--pass-mark SCORE", "score that passes there, 0 to 100", float)
+    add("--open", "open the page in the browser")
     return parser

@@ -28,29 +28,15 @@ class StudiedRecords(NamedTuple):
 
     cuts: list[StudiedCut]
     refused: list[RefusedRecord]
-    left: Mapping[str, tuple[int, ...]]
-    """By operator, how many finished cuts stand before each one that was left."""
+    left: Mapping[str, tuple[int, ...]]  # by operator, how many finished cuts stand before each one that was left
 
 
 def studied_cuts(arguments: argparse.Namespace, rows: Sequence[OperatorRow] | None) -> StudiedRecords:
     """Read and score the records; print notes and progress.
 
-    Parameters
-    ----------
-    arguments : Namespace
-        Options of :func:`cutenv.commands.options.add_study_options`.
-    rows : sequence of OperatorRow or None
-        Rows of the table of operators; without a table they come from the records.
-
-    Returns
-    -------
-    StudiedRecords
-
-    Raises
-    ------
-    ValueError, OSError
-        If the options are invalid, a record is bad or not to be found, records and operators do not fit, or all cuts
-        were made for practice.
+    ``rows`` of the table of operators come from the records without a table. Raise ValueError, OSError if the options
+    are invalid, a record is bad or not to be found, records and operators do not fit, or all cuts were made for
+    practice.
     """
     reference, length = reference_set(arguments.reference), target_length(arguments)
     records = read_records(arguments)
@@ -84,10 +70,7 @@ def studied_cuts(arguments: argparse.Namespace, rows: Sequence[OperatorRow] | No
 
 
 def _that_count(pairs: Sequence[tuple[OperatorRow, int]], traces: Sequence[Trace]) -> list[tuple[OperatorRow, int]]:
-    """Return cuts not made for practice; raise ValueError without any.
-
-    The number left out is printed.
-    """
+    """Return cuts not made for practice; raise ValueError without any. The number left out is printed."""
     counted = [pair for pair in pairs if traces[pair[1]].metadata.get("practice") is not True]
     count = len(pairs) - len(counted)
     if pairs and not counted:
@@ -141,10 +124,7 @@ def study_name(arguments: argparse.Namespace) -> str:
 def assigned(rows: Sequence[OperatorRow], records: LoadedTraces, table: Path) -> list[tuple[OperatorRow, int]]:
     """Return rows of cuts with indices in ``records.traces``, by operator in order.
 
-    Raises
-    ------
-    ValueError
-        If a cut has no row or two, or a row no cut; names them all.
+    Raise ValueError if a cut has no row or two, or a row no cut; names them all.
     """
     found: list[tuple[OperatorRow, int]] = []
     used: dict[str, set[Path]] = {}

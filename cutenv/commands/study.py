@@ -10,27 +10,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cutenv._base.output import watched
-from cutenv.commands.options import (
-    add_question,
-    add_study_options,
-    command_parser,
-    made_folder,
-    question_given,
-    reports_errors,
-)
+from cutenv.commands import options
 
 if TYPE_CHECKING:
     from cutenv.display.report.decision_page import DecisionReport
     from cutenv.records.scoring.study import Study
     from cutenv.records.scoring.study.sequential import SequentialQuestion
 
-_SCALE = 100.0
-"""Largest overall score."""
-_SMALLEST = 5.0
-"""Smallest difference of scores that matters, by default."""
+_SCALE = 100.0  # largest overall score
+_SMALLEST = 5.0  # smallest difference of scores that matters, by default
 
 
-@reports_errors("study", ImportError)
+@options.reports_errors("study", ImportError)
 def main(argv: Sequence[str]) -> int:
     """Study; return 0, or 2 on bad input."""
     arguments = _parser().parse_args(argv)
@@ -49,8 +40,8 @@ def main(argv: Sequence[str]) -> int:
     if arguments.mark is not None:
         in_range("--mark", arguments.mark, 0.0, 100.0, "1", "Give an overall score, such as 60.")
     if arguments.sheets is not None:
-        made_folder("--sheets", arguments.sheets)
-    question = question_given(arguments, smallest=_SMALLEST, reach=_SCALE)
+        options.made_folder("--sheets", arguments.sheets)
+    question = options.question_given(arguments, smallest=_SMALLEST, reach=_SCALE)
     rows = None if arguments.operators is None else load_operators(arguments.operators)
     name = study_name(arguments)
     cuts, refused, left = studied_cuts(arguments, rows)
@@ -136,7 +127,7 @@ def _criterion(arguments: argparse.Namespace) -> float | None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = command_parser(
+    parser = options.command_parser(
         "study",
         __doc__,
         examples=(
@@ -146,32 +137,26 @@ def _parser() -> argparse.ArgumentParser:
         ),
         note="Training feedback for research; not validated for assessment or credentialing of people.",
     )
-    add_study_options(parser, columns="group, session, order")
-    parser.add_argument("--out", type=Path, metavar="FILE.html", help="page to write; every card beside it as .csv")
-    parser.add_argument(
-        "--sheets",
-        type=Path,
-        metavar="FOLDER",
-        help="folder for a page to print for each person, with history and what to try next, and for the class list",
+    add = parser.option
+    options.add_study_options(parser, columns="group, session, order")
+    add("--out FILE.html", "page to write; every card beside it as .csv", Path)
+    add(
+        "--sheets FOLDER",
+        "folder for a page to print for each person, with history and what to try next, and for the class list",
+        Path,
     )
-    parser.add_argument(
-        "--mark", type=float, metavar="SCORE", help="pass mark of the overall score, for the sheets and the class list"
-    )
-    parser.add_argument(
-        "--metric",
+    add("--mark SCORE", "pass mark of the overall score, for the sheets and the class list", float)
+    add(
+        "--metric NAME",
+        "overall_score or the name of a metric; give it again for more; default the score and its leading metrics",
         action="append",
-        metavar="NAME",
-        help="overall_score or the name of a metric; give it again for more; default the score and its leading metrics",
     )
-    parser.add_argument("--groups", nargs=2, metavar="NAME", help="two groups to compare, if there are more than two")
-    parser.add_argument(
-        "--criterion-group", metavar="NAME", help="group whose mean is the target value of the learning curves"
+    add("--groups NAME", "two groups to compare, if there are more than two", nargs=2)
+    add("--criterion-group NAME", "group whose mean is the target value of the learning curves")
+    add(
+        "--criterion VALUE",
+        "target value of the learning curves itself, in the unit in which the one --metric is shown: mm, N, s",
+        float,
     )
-    parser.add_argument(
-        "--criterion",
-        type=float,
-        metavar="VALUE",
-        help="target value of the learning curves itself, in the unit in which the one --metric is shown: mm, N, s",
-    )
-    add_question(parser, unit="cut or person", smallest=f"{_SMALLEST:g} points", most=10_000)
+    options.add_question(parser, unit="cut or person", smallest=f"{_SMALLEST:g} points", most=10_000)
     return parser

@@ -43,12 +43,9 @@ def checked(path: Path, policies: Sequence[str] = ()) -> tuple[Submission, list[
     """Repeat all cuts of a file; return entry and scores.
 
     The scores are those of its runs and of the script, and each cut's row is printed. The script is the protocol's, on
-    the same specimens.  With the policies that were submitted, their files and actions are checked as well.
-
-    Raises
-    ------
-    OSError, ValueError
-        If the file cannot be read, is damaged, a cut's return differs, or the policies are not those of the file.
+    the same specimens. With the policies that were submitted, their files and actions are checked as well. Raise
+    OSError, ValueError if the file cannot be read, is damaged, a cut's return differs, or the policies are not those of
+    the file.
     """
     from cutenv.agents.learning.benchmark import entry_digest, entry_files, read_submission, replayed
     from cutenv.agents.learning.evaluation import contestant, evaluate
@@ -169,31 +166,22 @@ def _parser() -> argparse.ArgumentParser:
             "--check submission.json my_policy/",
         ),
     )
-    parser.add_argument("policies", nargs="*", metavar="POLICY", help="folder of a policy or run, or a name; see above")
-    parser.add_argument("--author", metavar="NAME", help="name that the leaderboard shows")
-    parser.add_argument("--code", default="", metavar="LINK", help="link to the code that made the policy")
-    parser.add_argument("--name", metavar="TEXT", help="name of the entry; default that of the first policy")
-    parser.add_argument(
-        "--kind",
-        metavar="KIND",
-        help="how it was made, where no card tells: 'script', 'from scratch', 'with demonstrations' or "
+    add = parser.option
+    add("policies POLICY", "folder of a policy or run, or a name; see above", nargs="*")
+    add("--author NAME", "name that the leaderboard shows")
+    add("--code LINK", "link to the code that made the policy", "")
+    add("--name TEXT", "name of the entry; default that of the first policy")
+    add(
+        "--kind KIND",
+        "how it was made, where no card tells: 'script', 'from scratch', 'with demonstrations' or "
         "'correction of a script'",
     )
-    parser.add_argument(
-        "--salt", metavar="TEXT", help="text of a competition's host, from which the specimens are drawn as well"
-    )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        default=Path("submission.json"),
-        metavar="FILE",
-        help="file to write; default submission.json",
-    )
-    parser.add_argument("--quick", action="store_true", help="cut few specimens: a trial, and no entry")
-    parser.add_argument(
-        "--check",
-        type=Path,
-        metavar="FILE",
-        help="repeat every cut of a submission, by its policies too if they are named, and print its row",
+    add("--salt TEXT", "text of a competition's host, from which the specimens are drawn as well")
+    add("--out FILE", "file to write; default submission.json", Path("submission.json"))
+    add("--quick", "cut few specimens: a trial, and no entry")
+    add(
+        "--check FILE",
+        "repeat every cut of a submission, by its policies too if they are named, and print its row",
+        Path,
     )
     return parser

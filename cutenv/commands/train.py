@@ -112,13 +112,7 @@ def _side_by_side(tasks: Sequence[str], rest: Sequence[str]) -> int:
 
 
 def training_options(learner: str, argv: Sequence[str]) -> LearnerArguments:
-    """Return the options of a new run without starting it.
-
-    Raises
-    ------
-    BadArguments
-        For an option that is bad.
-    """
+    """Return the options of a new run; raise BadArguments for a bad one."""
     kind = LEARNERS[learner][1]
     chosen = vars(_parser(learner).parse_args([*argv]))
     for name in ("learner", "quick", "from_nothing", "resume"):
@@ -200,8 +194,6 @@ def _parser(learner: str = "ppo") -> argparse.ArgumentParser:
     """Return the parser of the options of one learner."""
     about = f"{__doc__}\nThe options below are those of --learner {learner}; each learner's --help lists its own."
     parser = command_parser("train", about, examples=_EXAMPLES[learner], note=_NOTES.get(learner, ""))
-    parser.add_argument(
-        "--learner", choices=LEARNERS, default=learner, help="learner to train; default ppo, or that of a resumed run"
-    )
+    parser.option("--learner", "learner to train; default ppo, or that of a resumed run", learner, choices=LEARNERS)
     add_run_options(parser, LEARNERS[learner][1])
     return parser

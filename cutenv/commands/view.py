@@ -8,27 +8,17 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from cutenv.commands import options
 from cutenv.commands.inputs import chosen_cut, read_records
-from cutenv.commands.options import (
-    add_cut,
-    add_line,
-    add_record_options,
-    add_target_length,
-    command_parser,
-    line_given,
-    made_place,
-    reports_errors,
-    target_length,
-)
 from cutenv.display.viewer.solid import COLOURINGS, CurvedCut, ShownCut, write_curved_view, write_view
 
 
-@reports_errors("view")
+@options.reports_errors("view")
 def main(argv: Sequence[str]) -> int:
     """Write the page; return 0, or 2 on bad input."""
     arguments = _parser().parse_args(argv)
-    target, line = target_length(arguments), line_given(arguments)
-    made_place("--out", arguments.out or Path("view.html"))
+    target, line = options.target_length(arguments), options.line_given(arguments)
+    options.made_place("--out", arguments.out or Path("view.html"))
     records = read_records(arguments)
     for note in records.notes:
         print(f"note: {note}", file=sys.stderr)
@@ -60,22 +50,19 @@ def page_of(name: str) -> Path:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = command_parser(
+    parser = options.command_parser(
         "view",
         __doc__,
         examples=("cut.csv --open", "cuts.csv --cut 2 --target-length 80mm --out second.html"),
         note="A record needs position and depth of cut beside force in newtons; without angle the blade is upright.\n"
         "A record with the places of the blade is shown as the slab at its end.",
     )
-    add_record_options(parser, files=1, about="record of cuts: CSV, Parquet or HDF5")
-    add_cut(parser)
-    add_target_length(parser, "the record's own")
-    add_line(parser, "of records with the places of the blade", "the record's own")
-    parser.add_argument(
-        "--colour",
-        choices=COLOURINGS,
-        help=f"what the tissue's colour shows; default {COLOURINGS[0]}",
-    )
-    parser.add_argument("--out", type=Path, metavar="PAGE", help="page to write; default NAME_view.html, here")
-    parser.add_argument("--open", action="store_true", help="open the page in the browser")
+    add = parser.option
+    options.add_record_options(parser, files=1, about="record of cuts: CSV, Parquet or HDF5")
+    options.add_cut(parser)
+    options.add_target_length(parser, "the record's own")
+    options.add_line(parser, "of records with the places of the blade", "the record's own")
+    add("--colour", f"what the tissue's colour shows; default {COLOURINGS[0]}", choices=COLOURINGS)
+    add("--out PAGE", "page to write; default NAME_view.html, here", Path)
+    add("--open", "open the page in the browser")
     return parser

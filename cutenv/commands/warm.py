@@ -26,10 +26,7 @@ _ACROSS: tuple[tuple[str, ...], ...] = ((), ("height",), ("side",))
 
 @reports_errors("warm")
 def main(argv: Sequence[str]) -> int:
-    """Compile and print the place; return 1 if a part fails.
-
-    It also fails if nothing can be kept.
-    """
+    """Compile and print the place; return 1 if a part fails, or nothing can be kept."""
     arguments = _parser().parse_args(argv)
     from cutenv._engine.jit import kernel_folder, remove_kernels
 
@@ -72,10 +69,7 @@ def parts() -> list[str]:
 
 
 def compile_part(name: str) -> None:
-    """Compile the kernels of a task or the emulator.
-
-    Of a task: by truth and by estimate, its scripts and planner.
-    """
+    """Compile the kernels of a task or the emulator. Of a task: by truth and by estimate, its scripts and planner."""
     if name == _RIG:
         _use_rigs()
         return
@@ -161,6 +155,7 @@ def _compiled_apart(name: str) -> str | None:
 
 def _parser() -> argparse.ArgumentParser:
     parser = command_parser("warm", __doc__, examples=("", "--task gentle --task excision", "--remove"))
-    parser.add_argument("--task", choices=parts(), action="append", help="compile this alone; may be given again")
-    parser.add_argument("--remove", action="store_true", help="delete what was compiled, as before 'pip uninstall'")
+    add = parser.option
+    add("--task", "compile this alone; may be given again", choices=parts(), action="append")
+    add("--remove", "delete what was compiled, as before 'pip uninstall'")
     return parser

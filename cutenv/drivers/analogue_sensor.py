@@ -39,26 +39,14 @@ _WORST_CONDITION = 1e4  # of the matrix with rows scaled alike: six loads that v
 
 @dataclass(frozen=True, eq=False)
 class AnalogueCalibration:
-    """Sensor with six analogue channels, and the converter that reads them.
+    """Sensor with six analogue channels, and the converter that reads them."""
 
-    Attributes
-    ----------
-    name, serial, date : str
-        Kind and number of the sensor, and the day of its calibration.
-    range : float
-        Greatest voltage of the converter, either way [V].
-    bits : int
-        Bits of the converter over the whole range.
-    matrix : array, shape (6, 6)
-        Loads over voltages: rows are :data:`COMPONENTS_OF_LOAD` [N/V], [N m/V], columns the channels.
-    """
-
-    name: str
+    name: str  # kind and number of the sensor, and the day of its calibration
     serial: str
     date: str
-    range: float
-    bits: int
-    matrix: Array
+    range: float  # greatest voltage of the converter, either way [V]
+    bits: int  # bits of the converter over the whole range
+    matrix: Array  # loads over voltages: rows are :data:`COMPONENTS_OF_LOAD` [N/V], [N m/V], columns the channels
 
     def __post_init__(self) -> None:
         in_range("range_V", self.range, 0.01, 100.0, "V", "Give the converter's greatest voltage.")
@@ -81,12 +69,8 @@ class AnalogueCalibration:
     def read(cls, path: str | Path) -> AnalogueCalibration:
         """Read a calibration's file, or the shipped one by its name.
 
-        Raises
-        ------
-        FileNotFoundError
-            If there is no such file.
-        ValueError
-            If it is no TOML, or a key is unknown, missing or not valid; names file and key.
+        Raise FileNotFoundError if there is no such file; ValueError if it is no TOML, or a key is unknown, missing or
+        not valid; names file and key.
         """
         file = resources.path(f"sensors/{SHIPPED_CALIBRATION}.toml") if str(path) == SHIPPED_CALIBRATION else Path(path)
         try:
@@ -170,26 +154,16 @@ def _rows(key: str, told: Any) -> list[list[float]]:
     ]
 
 
-SCAN = struct.Struct("<I6i")
-"""One reading on the wire of the emulated board: its number, then six counts."""
-SILENT_AFTER = 2.0
-"""Time without a scan after which a board counts as silent [s]."""
+SCAN = struct.Struct("<I6i")  # one reading on the wire of the emulated board: its number, then six counts
+SILENT_AFTER = 2.0  # time without a scan after which a board counts as silent [s]
 _LONGEST_HEADER = 1000  # bytes
 
 
 class Scans(NamedTuple):
-    """Readings of all channels, in order.
+    """Readings of all channels, in order."""
 
-    Attributes
-    ----------
-    number : int
-        Number of the first one, counted by the board.
-    counts : array, shape (n, 6)
-        Counts of the converter; whole numbers.
-    """
-
-    number: int
-    counts: Array
+    number: int  # number of the first one, counted by the board
+    counts: Array  # counts of the converter; whole numbers
 
 
 class AnalogueBoard(Protocol):
@@ -205,10 +179,8 @@ class AnalogueBoard(Protocol):
     def read(self, count: int) -> list[Scans]:
         """Return the next ``count`` readings, in parts without gaps.
 
-        Raises
-        ------
-        RigError
-            If none comes within :data:`SILENT_AFTER`, or readings were lost because the computer was too slow.
+        Raise RigError if none comes within :data:`SILENT_AFTER`, or readings were lost because the computer was too
+        slow.
         """
         ...
 
@@ -220,14 +192,8 @@ class AnalogueBoard(Protocol):
 class NidaqmxBoard:
     """Board of National Instruments, through NI-DAQmx and its Python package, ``nidaqmx``.
 
-    Parameters
-    ----------
-    device : str
-        Name of the board in NI MAX, "Dev1".
-    channels : str
-        Six channels, "ai0:5".
-    differential : bool
-        True for two wires a channel, False for one against the board's ground.
+    ``device``: name of the board in NI MAX, "Dev1"; ``channels``: six channels, "ai0:5"; ``differential``: True for two
+    wires a channel, False for one against the board's ground.
     """
 
     def __init__(self, device: str, channels: str, *, differential: bool) -> None:
@@ -288,15 +254,7 @@ class NidaqmxBoard:
 
 
 class EmulatedBoard:
-    """Board of the emulated rig, in its process, over TCP.
-
-    Parameters
-    ----------
-    host : str
-        Address of the emulated rig.
-    port : int
-        Port of its board.
-    """
+    """Board of the emulated rig, in its process, over TCP."""
 
     def __init__(self, host: str, port: int) -> None:
         self._address = (host, port)
@@ -354,8 +312,7 @@ class EmulatedBoard:
         return found
 
 
-CHANNEL_AT_END = 1
-"""Status of a reading with a channel at an end of the converter's range: its load is unknown."""
+CHANNEL_AT_END = 1  # status of a reading with a channel at an end of the converter's range: its load is unknown
 _OPENS_WITHIN = 3.0  # [s] for a board to convert the first reading
 _ENDS_WITHIN = 1.0  # [s] for a read that is under way
 _HERE = ("127.0.0.1", "localhost", "::1")
@@ -413,26 +370,14 @@ class AnalogueSensor(StreamedSensor):
     """Six-axis analogue sensor, such as a JR3, on a National Instruments board.
 
     Every reading goes through the calibration matrix, so that the six loads are free of cross-talk. A channel at an end
-    of the converter's range gives a status, which stops the blade.
-
-    Parameters
-    ----------
-    mounting : Mounting
-        Place on the rig.
-    board : AnalogueBoard, optional
-        Another board than that of the options.
-
-    Attributes
-    ----------
-    calibration : AnalogueCalibration
-        Matrix and converter.
+    of the converter's range gives a status, which stops the blade. ``board`` is another one than that of the options.
     """
 
     name = "analogue sensor"
 
     def __init__(self, mounting: Mounting, board: AnalogueBoard | None = None) -> None:
         options: AnalogueOptions = mounting.options
-        self.calibration = AnalogueCalibration.read(options.calibration)
+        self.calibration = AnalogueCalibration.read(options.calibration)  # matrix and converter
         self._options = options
         self._board = board or _board_of(options)
         self._closing = threading.Event()

@@ -66,12 +66,8 @@ def x25_crc(data: bytes) -> int:
 def bota_frame(frame: bytes) -> SensorFrame:
     """Parse a frame of the stream.
 
-    Its CRC is over all between header and CRC.
-
-    Raises
-    ------
-    FrameError
-        If header or CRC are wrong, or a value cannot be: reserved bits, a force that is no number, a temperature.
+    Its CRC is over all between header and CRC. Raise FrameError if header or CRC are wrong, or a value cannot be:
+    reserved bits, a force that is no number, a temperature.
     """
     header, status, *loads, stamp, temperature, crc = _FRAME.unpack(frame)
     if header != _HEADER or crc != x25_crc(frame[1:-2]):

@@ -24,35 +24,21 @@ from cutenv.rig.errors import RigError
 from cutenv.rig.operation.preflight import ZERO_FORCE
 from cutenv.rig.spine import tare_readings
 
-CALL_TIME = 0.005
-"""Time that a call may take that has not to wait for an answer [s]: a command, a quick stop."""
-CLOSE_TIME = 3.0
-"""Time that closing may take [s]."""
-THREADS_END = 1.0
-"""Time after closing within which a driver's threads have to end [s]."""
+CALL_TIME = 0.005  # time that a call may take that has not to wait for an answer [s]: a command, a quick stop
+CLOSE_TIME = 3.0  # time that closing may take [s]
+THREADS_END = 1.0  # time after closing within which a driver's threads have to end [s]
 
 
 class TriedPromise(NamedTuple):
-    """One promise of a driver's protocol, and what became of it.
-
-    Attributes
-    ----------
-    promise : str
-        Promise.
-    allowed, measured : str
-        What is allowed, and what was found; with units.
-    kept : bool
-        True if it was kept.
-    """
+    """One promise of a driver's protocol, and what became of it."""
 
     promise: str
-    allowed: str
+    allowed: str  # what is allowed, and what was found; with units
     measured: str
-    kept: bool
+    kept: bool  # True if it was kept
 
 
-HEADER = ("promised", "allowed", "measured", "kept")
-"""Columns of the table."""
+HEADER = ("promised", "allowed", "measured", "kept")  # columns of the table
 
 
 def conformance_rows(findings: list[TriedPromise]) -> list[tuple[str, ...]]:
@@ -61,23 +47,13 @@ def conformance_rows(findings: list[TriedPromise]) -> list[tuple[str, ...]]:
 
 
 class Listening:
-    """Listener that keeps all reports of either kind of driver.
-
-    Attributes
-    ----------
-    motions, forces : list
-        Samples.
-    beats : list of float
-        Times of heartbeats [s].
-    troubles : list of str
-        Errors, foreign commands, breaks and packets that were no readings.
-    """
+    """Listener that keeps all reports of either kind of driver."""
 
     def __init__(self) -> None:
-        self.motions: list[MotionSample] = []
+        self.motions: list[MotionSample] = []  # samples
         self.forces: list[ForceSample] = []
-        self.beats: list[float] = []
-        self.troubles: list[str] = []
+        self.beats: list[float] = []  # times of heartbeats [s]
+        self.troubles: list[str] = []  # errors, foreign commands, breaks and packets that were no readings
 
     def motion(self, axis: str, sample: MotionSample) -> None:
         """Keep a sample of an axis."""
@@ -171,10 +147,8 @@ def _short(text: str) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-TRIAL_TRAVEL = 0.010
-"""Way that the axis needs free, from where it stands towards the middle of its travel [m or rad]."""
-LIMIT_NAMES = ("low", "high", "speed", "acceleration", "quick_stop")
-"""Limits that a drive tells."""
+TRIAL_TRAVEL = 0.010  # way that the axis needs free, from where it stands towards the middle of its travel [m or rad]
+LIMIT_NAMES = ("low", "high", "speed", "acceleration", "quick_stop")  # limits that a drive tells
 _SPEED = 0.004  # [m/s or rad/s]
 _LISTEN = 1.0  # [s]
 _STANDS = 2e-5  # [m or rad] by which an axis at rest may flicker
@@ -261,24 +235,8 @@ class _Trial:
 def conform_motion(driver: MotionDriver, rig: RigSettings, clock: Clock) -> list[TriedPromise]:
     """Test a motion driver; the axis moves to and fro by some millimetres.
 
-    Parameters
-    ----------
-    driver : MotionDriver
-        Driver, not open, with a latch of its own.
-    rig : RigSettings
-        Rig that it is for: its limits are what is allowed.
-    clock : Clock
-        Clock of the driver.
-
-    Returns
-    -------
-    list of TriedPromise
-        What was promised, allowed, measured.
-
-    Raises
-    ------
-    RigError
-        If it cannot be opened, switched on or cleared.
+    ``driver`` is not open, with a latch of its own; the limits of ``rig`` are what is allowed. Raise RigError if it
+    cannot be opened, switched on or cleared.
     """
     before, trial = set(threading.enumerate()), _Trial(driver, rig, clock)
     driver.open(trial.listening)
@@ -447,24 +405,7 @@ _HEAR = 2.0  # [s]
 def conform_force(driver: ForceDriver, rig: RigSettings, clock: Clock) -> list[TriedPromise]:
     """Try a force driver against its protocol, for some seconds.
 
-    Parameters
-    ----------
-    driver : ForceDriver
-        Driver, not open.
-    rig : RigSettings
-        Rig that it is for: its limits are what is allowed.
-    clock : Clock
-        Clock of the driver.
-
-    Returns
-    -------
-    list of TriedPromise
-        What was promised, allowed, measured.
-
-    Raises
-    ------
-    RigError
-        If it cannot be opened.
+    ``driver`` is not open; the limits of ``rig`` are what is allowed. Raise RigError if it cannot be opened.
     """
     before, listening = set(threading.enumerate()), Listening()
     driver.open(listening)

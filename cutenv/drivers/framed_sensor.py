@@ -1,7 +1,4 @@
-"""Six-axis force sensor on a serial port.
-
-Frames by header and CRC, in step; order of readings, tare.
-"""
+"""Six-axis force sensor on a serial port, with frames by header and CRC."""
 
 from __future__ import annotations
 
@@ -37,17 +34,11 @@ def crc16(data: bytes, table: tuple[int, ...]) -> int:
 
 
 class FrameError(ValueError):
-    """Error for bytes that are no sound frame.
-
-    The message names the fault.
-    """
+    """Error for bytes that are no sound frame. The message names the fault."""
 
 
 class SensorFrame(NamedTuple):
-    """Reading in a frame.
-
-    Six counts, status (0: healthy), and the sensor's own time [us], -1 where it sends none.
-    """
+    """Reading in a frame. Six counts, status (0: healthy), and the sensor's own time [us], -1 where it sends none."""
 
     counts: tuple[int, int, int, int, int, int]
     status: int
@@ -55,10 +46,7 @@ class SensorFrame(NamedTuple):
 
 
 class FrameFormat(NamedTuple):
-    """Format of frames.
-
-    First bytes, size, and the function that parses a frame or raises :class:`FrameError`.
-    """
+    """Format of frames. First bytes, size, and the function that parses a frame or raises :class:`FrameError`."""
 
     header: bytes
     size: int
@@ -70,11 +58,6 @@ class FrameReader:
 
     A CRC of 16 bits lets one of 65 536 random frames pass. After anything unsound a frame is therefore believed only if
     it begins where another sound one has ended; that other is left out, as lost.
-
-    Parameters
-    ----------
-    form : FrameFormat
-        Format of the frames.
     """
 
     def __init__(self, form: FrameFormat) -> None:
@@ -124,21 +107,13 @@ _STAMPS = 2**32  # times of a sensor are counted modulo this [us]
 
 
 class FramedProtocol(Protocol):
-    """Protocol of one maker's sensor.
+    """Protocol of one maker's sensor. Its frames, and how their stream begins and ends."""
 
-    Its frames, and how their stream begins and ends.
-    """
-
-    name: str
-    """Name of the sensor, for messages."""
-    baud: int
-    """Baud rate."""
-    form: FrameFormat
-    """Format of the frames."""
-    newtons: float
-    """Force of a count [N]."""
-    newton_metres: float
-    """Torque of a count [N m]."""
+    name: str  # name of the sensor, for messages
+    baud: int  # baud rate
+    form: FrameFormat  # format of the frames
+    newtons: float  # force of a count [N]
+    newton_metres: float  # torque of a count [N m]
 
     def begin(self, line: SensorLine, rate: float) -> dict[str, float | str]:
         """Identify the sensor and start its stream at ``rate`` [Hz].
@@ -159,17 +134,7 @@ class FramedProtocol(Protocol):
 
 
 class SensorLine:
-    """Open port of a sensor, for requests before the stream.
-
-    Parameters
-    ----------
-    port : str
-        Device, such as ``/dev/serial/by-id/usb-...``.
-    baud : int
-        Baud rate.
-    clock : Clock
-        Clock of the rig.
-    """
+    """Open port of a sensor, for requests before the stream. ``port`` is such as ``/dev/serial/by-id/usb-...``."""
 
     def __init__(self, port: str, baud: int, clock: Clock) -> None:
         self.port, self._clock = port, clock
@@ -223,14 +188,7 @@ class SensorLine:
 class FramedSensor(StreamedSensor):
     """Force sensor of six components that streams frames of counts.
 
-    Parameters
-    ----------
-    mounting : Mounting
-        Place on the rig; its options have the ``port``.
-    protocol : FramedProtocol
-        The maker's protocol.
-    rate_error : float
-        Greatest relative error of the rate.
+    The options of ``mounting`` have the ``port``; ``rate_error`` is the greatest relative error of the rate.
     """
 
     def __init__(self, mounting: Mounting, protocol: FramedProtocol, *, rate_error: float) -> None:

@@ -30,31 +30,18 @@ from cutenv.rig.errors import RigError
 
 JOG_CANCEL, SOFT_RESET, STATUS, HOLD = b"\x85", b"\x18", b"?", b"!"
 """Commands of one byte, which GRBL obeys at once, whatever it is doing."""
+# coordinate at the clamp [mm] that ``cutenv rig zero`` gives the machine, in its memory only: proof of it
 MARK = 5000.0
-"""Coordinate at the clamp [mm] that ``cutenv rig zero`` gives the machine, in its memory only: proof of it."""
-GRBL_AXES = ("X", "Y", "Z")
-"""Letters of the axes."""
+GRBL_AXES = ("X", "Y", "Z")  # letters of the axes
 
 
 class GrblStatus(NamedTuple):
-    """Status report.
+    """Status report."""
 
-    Attributes
-    ----------
-    state : str
-        "Idle", "Jog", "Run", "Hold", "Alarm", "Door", "Check", "Home" or "Sleep".
-    position : tuple of float
-        Machine position of each axis [mm].
-    feed : float
-        Present feed [mm/min].
-    pins : str
-        Letters of inputs that are triggered.
-    """
-
-    state: str
-    position: tuple[float, ...]
-    feed: float
-    pins: str
+    state: str  # "Idle", "Jog", "Run", "Hold", "Alarm", "Door", "Check", "Home" or "Sleep"
+    position: tuple[float, ...]  # machine position of each axis [mm]
+    feed: float  # present feed [mm/min]
+    pins: str  # letters of inputs that are triggered
 
 
 _STATUS = re.compile(rb"<([A-Za-z]+)(?::\d+)?\|MPos:(-?\d+\.\d+(?:,-?\d+\.\d+)*)((?:\|[^|<>]*)*)>")
@@ -102,12 +89,10 @@ def grbl_zero(lines: Iterable[str], number: int) -> float | None:
     return found.get("G54", 0.0) + found["G92"] + MARK
 
 
-REPORT_PERIOD = 0.100
-"""Period at which status reports are asked for [s]: GRBL is not made for much more."""
-PIECE = 0.025
-"""Time of one jog [s]."""
+REPORT_PERIOD = 0.100  # period at which status reports are asked for [s]: GRBL is not made for much more
+PIECE = 0.025  # time of one jog [s]
+# time of the motion that is sent ahead [s]: after a silence of the computer the blade goes on for so long
 SENT_AHEAD = 0.150
-"""Time of the motion that is sent ahead [s]: after a silence of the computer the blade goes on for so long."""
 
 
 _SAME = 0.02  # [1] relative difference allowed between the machine's settings and the file
@@ -167,8 +152,7 @@ def lines_to_send(settings: Mapping[int, float], axis: Axis, number: int) -> lis
 
 _log = logging.getLogger(__name__)
 
-ANSWERED = 1.0
-"""Time within which a line is answered [s]."""
+ANSWERED = 1.0  # time within which a line is answered [s]
 _WRITE, _READ = 0.02, 0.05  # [s]
 _LINE = 128  # bytes at most
 
@@ -176,30 +160,9 @@ _LINE = 128  # bytes at most
 class GrblConnection:
     """Serial line to a machine, open from the start.
 
-    Parameters
-    ----------
-    port : str
-        Serial port.
-    baud : int
-        Baud rate.
-    clock : Clock
-        Clock of the rig.
-    heard : callable
-        Called from the reading thread with each line that is no answer "ok" or "error", and the time [s].
-    broke : callable
-        Called once, from another thread, with the reason and the time [s] when the line is lost.
-
-    Attributes
-    ----------
-    lost : str or None
-        Reason why the line is lost.
-    changed : threading.Condition
-        Notified after every line.
-
-    Raises
-    ------
-    RigError
-        If the port is missing or taken.
+    ``heard``: called from the reading thread with each line that is no answer "ok" or "error", and the time [s];
+    ``broke``: called once, from another thread, with the reason and the time [s] when the line is lost. Raise RigError
+    if the port is missing or taken.
     """
 
     def __init__(
@@ -212,8 +175,8 @@ class GrblConnection:
         broke: Callable[[str, float], None],
     ) -> None:
         self._name, self._clock, self._heard, self._broke = port, clock, heard, broke
-        self.lost: str | None = None
-        self.changed = threading.Condition()
+        self.lost: str | None = None  # reason why the line is lost
+        self.changed = threading.Condition()  # notified after every line
         self._sending = threading.Lock()
         self._answers: list[str] = []
         self._closed = 0  # answers "ok" and errors since the last question
@@ -223,13 +186,7 @@ class GrblConnection:
         self._reader.start()
 
     def write(self, data: bytes) -> None:
-        """Send bytes at once.
-
-        Raises
-        ------
-        RigError
-            If the port does not take them.
-        """
+        """Send bytes at once; raise RigError if the port does not take them."""
         if self.lost is not None:
             raise RigError(f"the machine at {self._name} is lost: {self.lost}.")
         with self._sending:
@@ -241,10 +198,7 @@ class GrblConnection:
     def ask(self, line: str) -> list[str]:
         """Send a line, and return what comes before its "ok".
 
-        Raises
-        ------
-        RigError
-            If the answer is an error, or none comes in time.
+        Raise RigError if the answer is an error, or none comes in time.
         """
         with self.changed:
             self._answers, self._closed = [], 0
@@ -315,11 +269,6 @@ class GrblAxis(AxisDriver):
     Its position counts from where a person has set zero since the machine has power: ``cutenv rig zero``. The motor's
     power is the machine's own affair: "without power" means here that no jogs are sent. It has no watch of its own: one
     that has to stop by itself and does not slow down soon is reset, which stops it without a ramp and loses its zero.
-
-    Parameters
-    ----------
-    mounting : Mounting
-        Place on the rig.
     """
 
     device, silence, report_limit = "machine", "no more jogs are sent", 1.0
@@ -428,12 +377,7 @@ class GrblAxis(AxisDriver):
     def set_zero(self) -> None:
         """Take the present position, at the clamp, as zero.
 
-        It is kept in the machine's memory until that restarts.
-
-        Raises
-        ------
-        RigError
-            If the machine does not take it.
+        It is kept in the machine's memory until that restarts. Raise RigError if the machine does not take it.
         """
         self._ask(f"G92{self._options.letter}{MARK:g}")
         self._read_offsets()
@@ -467,26 +411,14 @@ class GrblAxis(AxisDriver):
         self._reset_at = self._clock.now() + self._settings.speed / self._settings.acceleration + _DEAF
 
     def disable(self) -> None:
-        """Send no more jogs; the axis is at rest then.
-
-        Raises
-        ------
-        RigError
-            If it does not come to rest.
-        """
+        """Send no more jogs; raise RigError if the axis does not come to rest."""
         self._jogs.aim(0.0)
         self._rested()
         if self._state is DriveState.ENABLED:
             self._state = DriveState.DISABLED
 
     def clear(self) -> None:
-        """Leave stop or alarm for rest, within the latch's reset.
-
-        Raises
-        ------
-        RigError
-            If the cause is still there.
-        """
+        """Leave stop or alarm for rest, within the latch's reset; raise RigError if the cause is still there."""
         self._jogs.aim(0.0)
         self._write(JOG_CANCEL)
         self._rested()
@@ -609,21 +541,8 @@ class GrblAxis(AxisDriver):
 class JogFeed:
     """Feed of jogs along one axis.
 
-    Parameters
-    ----------
-    letter : str
-        Axis of the machine.
-    number : int
-        Its place in a status report.
-    write : callable
-        Sends bytes.
-    stopped : callable
-        Returns True once nothing may move any more.
-
-    Attributes
-    ----------
-    cancelled : bool
-        True from a cancel until the machine is seen to stand.
+    ``letter``: axis of the machine; ``number``: its place in a status report; ``write``: sends bytes; ``stopped``:
+    returns True once nothing may move any more. ``cancelled``: True from a cancel until the machine is seen to stand.
     """
 
     def __init__(self, letter: str, number: int, write: Callable[[bytes], None], stopped: Callable[[], bool]) -> None:

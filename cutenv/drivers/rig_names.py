@@ -13,15 +13,8 @@ from cutenv.rig.toml_file import read_rig_file
 def settings_of(rig: str) -> RigSettings:
     """Return the settings of a rig without connecting to it.
 
-    Parameters
-    ----------
-    rig : str
-        A rig's TOML file, or one of :data:`~cutenv.rig.config.settings.RIG_NAMES`.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        If its file is missing or not valid.
+    ``rig`` is a rig's TOML file, or one of :data:`~cutenv.rig.config.settings.RIG_NAMES`. Raise FileNotFoundError,
+    ValueError if its file is missing or not valid.
     """
     if rig in (SERIAL, GRBL):
         own = slow_settings("", name=rig) if rig == SERIAL else grbl_settings("", "", name=rig)

@@ -27,12 +27,9 @@ from cutenv.rig.devices.driver_registry import Mounting, rig_driver
 from cutenv.rig.devices.serial.board_drivers import on_pseudo_terminal
 from cutenv.rig.errors import RigError
 
-ROBOTIQ_RATE = 100.0
-"""Rate of the stream [Hz], of the manual."""
-ROBOTIQ_RANGE = 300.0
-"""Greatest force on any axis [N], of the manual."""
-BEYOND_RANGE = 1
-"""Status of a reading with a force or torque at the end of the range: the stream itself has no status."""
+ROBOTIQ_RATE = 100.0  # rate of the stream [Hz], of the manual
+ROBOTIQ_RANGE = 300.0  # greatest force on any axis [N], of the manual
+BEYOND_RANGE = 1  # status of a reading with a force or torque at the end of the range: the stream itself has no status
 _RATE_ERROR = 0.03  # [1] assumed
 _TORQUE_RANGE = 30.0  # [N m], of the manual
 _NEWTONS, _NEWTON_METRES = 0.01, 0.001  # of a count, of the manual
@@ -58,13 +55,7 @@ def _request(function: int, register: int, *rest: int) -> bytes:
 
 
 def robotiq_frame(frame: bytes) -> SensorFrame:
-    """Parse a frame of the stream: header, six counts, CRC.
-
-    Raises
-    ------
-    FrameError
-        If header or CRC are wrong.
-    """
+    """Parse a frame of the stream; raise FrameError if header or CRC are wrong."""
     header, *counts, crc = _FRAME.unpack(frame)
     if header != _HEADER or crc != modbus_crc(frame[:-2]):
         raise FrameError(f"a damaged frame: {frame.hex(' ')}")

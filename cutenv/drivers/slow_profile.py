@@ -1,7 +1,4 @@
-"""Profile of a slow rig.
-
-A stepper and a load cell on a board, with limits that fit its sensor and its speed.
-"""
+"""Profile of a slow rig, with limits that fit its sensor and its speed."""
 
 from __future__ import annotations
 
@@ -11,17 +8,15 @@ from cutenv.drivers.grbl_axis import REPORT_PERIOD, GrblOptions
 from cutenv.rig.config.settings import Axis, Bus, RigSettings, SafetyLimits, SensorSettings
 from cutenv.rig.devices.serial.board_drivers import BOARD_PERIOD, LoadCellOptions, StepperOptions
 
-SCREW_STEPS = 3200
-"""Steps for one turn of a motor of 200 steps with 16 microsteps: choice."""
+SCREW_STEPS = 3200  # steps for one turn of a motor of 200 steps with 16 microsteps: choice
+# trapezoidal screw of 8 mm lead, as cheap printers have it: choice. Its options are to be given
 SCREW = Axis(driver="serial", lead=0.008, low=-0.002, high=0.149, speed=0.006, acceleration=0.1, quick_stop=0.5)
-"""Trapezoidal screw of 8 mm lead, as cheap printers have it: choice. Its options are to be given."""
+# counts of a converter of 24 bits at gain 128 for one newton on a cell for 5 kg, 1 mV/V at 5 V: derived, [1/N]
 COUNTS_PER_NEWTON = 42_800.0
-"""Counts of a converter of 24 bits at gain 128 for one newton on a cell for 5 kg, 1 mV/V at 5 V: derived, [1/N]."""
+# time until a force is in the readings [s]: settling times of the data sheets at 80, 330 and 320 readings a second (the
+# NAU7802's assumed, four conversions)
 DELAYS = {"hx711": 0.050, "ads1220": 0.003, "nau7802": 0.0125}
-"""Time until a force is in the readings [s]: settling times of the data sheets at 80, 330 and 320 readings a second
-(the NAU7802's assumed, four conversions)."""
-RATES = {"hx711": 80.0, "ads1220": 330.0, "nau7802": 320.0}
-"""Readings a second [Hz], of the data sheets."""
+RATES = {"hx711": 80.0, "ads1220": 330.0, "nau7802": 320.0}  # readings a second [Hz], of the data sheets
 
 
 def slow_limits(rate: float) -> SafetyLimits:

@@ -28,21 +28,11 @@ _BYTE = re.compile(r"[0-9A-Fa-f]{1,2}\Z")
 
 
 class Frame(NamedTuple):
-    """CAN frame.
+    """CAN frame."""
 
-    Attributes
-    ----------
-    identifier : int
-        Identifier of 11 bits, or 29 if ``extended``.
-    data : bytes
-        Data, 0 to 8 bytes.
-    extended : bool
-        True for an identifier of 29 bits.
-    """
-
-    identifier: int
-    data: bytes
-    extended: bool = False
+    identifier: int  # identifier of 11 bits, or 29 if ``extended``
+    data: bytes  # data, 0 to 8 bytes
+    extended: bool = False  # True for an identifier of 29 bits
 
 
 class BadMessage(ValueError):
@@ -50,13 +40,7 @@ class BadMessage(ValueError):
 
 
 def parsed_send(content: str) -> Frame:
-    """Parse ``send ID LENGTH BYTES`` into a frame.
-
-    Raises
-    ------
-    BadMessage
-        If the text is anything else.
-    """
+    """Parse ``send ID LENGTH BYTES`` into a frame; raise BadMessage if the text is anything else."""
     words = content.split()
     if len(words) < 3 or words[0] != "send" or not _IDENTIFIER.match(words[1]):
         raise BadMessage(f"{content!r} is not 'send ID LENGTH BYTES' with an ID of 3 or 8 hexadecimal digits")
@@ -91,20 +75,9 @@ class _Client:
 class Hub:
     """Server of socketcand on a TCP port.
 
-    It passes each client's frames to the others and to ``receive``.
-
-    Parameters
-    ----------
-    receive : callable
-        Called with every :class:`Frame` of a client, from the hub's thread; frames that it sends by :meth:`send` go out
-        at once.
-    host, port : str, int
-        Address to listen on; port 0 takes a free one.
-
-    Attributes
-    ----------
-    port : int
-        Port that it listens on.
+    It passes each client's frames to the others and to ``receive``. ``receive``: called with every :class:`Frame` of a
+    client, from the hub's thread; frames that it sends by :meth:`send` go out at once; ``host``, ``port``: address to
+    listen on; port 0 takes a free one.
     """
 
     def __init__(self, receive: Callable[[Frame], None], *, host: str = "127.0.0.1", port: int = 0) -> None:
@@ -113,7 +86,7 @@ class Hub:
         self._clients: dict[socket.socket, _Client] = {}
         self._listener = socket.create_server((host, port))
         self._listener.setblocking(False)
-        self.port: int = self._listener.getsockname()[1]
+        self.port: int = self._listener.getsockname()[1]  # port that it listens on
         self._wake, self._woken = socket.socketpair()
         self._selector = selectors.DefaultSelector()
         self._selector.register(self._listener, selectors.EVENT_READ)

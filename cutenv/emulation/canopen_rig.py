@@ -24,8 +24,7 @@ from cutenv.sim.cutting.dtypes import LawParameters
 from cutenv.sim.cutting.sensor import SensorParameters
 from cutenv.sim.plant.simulator import ANGLE_RANGE, check_angle
 
-BLADE = Axis(low=-0.002, high=0.149)
-"""Axis of the emulated rig's carriage."""
+BLADE = Axis(low=-0.002, high=0.149)  # axis of the emulated rig's carriage
 HINGE = Axis(
     node=2, gear=100.0, lead=2 * math.pi, low=math.radians(43.0), high=math.radians(92.0), speed=math.radians(120.0),
     acceleration=20.0, quick_stop=40.0, following_error=0.05,
@@ -34,21 +33,11 @@ HINGE = Axis(
 
 
 class MechanicalRange(NamedTuple):
-    """Travel and speed of an emulated rig.
-
-    Axes as mounted, and the limits of its file.
-
-    Attributes
-    ----------
-    blade, angle : Axis
-        Axes.
-    limits : SafetyLimits
-        Limits at which the blade is stopped.
-    """
+    """Travel and speed of an emulated rig. Axes as mounted, and the limits of its file."""
 
     blade: Axis
     angle: Axis
-    limits: SafetyLimits
+    limits: SafetyLimits  # limits at which the blade is stopped
 
 
 RANGES: Mapping[str, MechanicalRange] = MappingProxyType(
@@ -73,51 +62,25 @@ _OTHER_NOISE = (0.02, 0.02, 0.001, 0.001, 0.001)  # Fy, Fz [N], Tx, Ty, Tz [N m]
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Construction of the emulated rig.
+    """Construction of the emulated rig."""
 
-    Attributes
-    ----------
-    range : {"task", "thesis"}
-        Mechanical range, one of :data:`RANGES`.
-    angle_mode : {"free", "fixed"}
-        "free": a second axis turns the blade; "fixed": the blade stays at ``angle``.
-    angle : float
-        Angle of the blade at the start [rad].
-    mounted : MountedSpecimen, optional
-        Specimen at the start; None: free air.
-    force_limit : float
-        True force whose crossing is recorded as an event [N].
-    blade_mechanics, hinge_mechanics : Mechanics
-        Mechanics that the axes of the range move.
-    cross_axes : mapping of str to CrossAxis
-        Axes that raise and lower the blade, "height", and move it to the side, "side", with the mechanics of the
-        blade's.
-    sensor : SensorParameters
-        Force sensor, as in the simulator.
-    analogue : str, optional
-        Calibration of an analogue sensor on a board, which takes the place of the Net F/T: its file, or its name. The
-        converter then has the resolution, and ``sensor`` the noise and delay.
-    law : LawParameters
-        Cutting law, as in the simulator.
-    host : str
-        Address that everything listens on.
-    can_port, sensor_port, page_port, control_port : int
-        Ports; 0 takes free ones.
-    """
-
-    range: Literal["task", "thesis"] = "task"
+    range: Literal["task", "thesis"] = "task"  # mechanical range, one of :data:`RANGES`
+    # "free": a second axis turns the blade; "fixed": the blade stays at ``angle``
     angle_mode: Literal["free", "fixed"] = "free"
-    angle: float = math.pi / 2
-    mounted: MountedSpecimen | None = field(default_factory=MountedSpecimen)
-    force_limit: float = 15.0
+    angle: float = math.pi / 2  # angle of the blade at the start [rad]
+    mounted: MountedSpecimen | None = field(default_factory=MountedSpecimen)  # specimen at the start; None: free air
+    force_limit: float = 15.0  # true force whose crossing is recorded as an event [N]
+    # axes that raise and lower the blade, "height", and move it to the side, "side", with the mechanics of the blade's
     cross_axes: Mapping[str, CrossAxis] = field(default_factory=dict)
-    blade_mechanics: Mechanics = field(default_factory=Mechanics)
+    blade_mechanics: Mechanics = field(default_factory=Mechanics)  # mechanics that the axes of the range move
     hinge_mechanics: Mechanics = field(default_factory=hinge)
-    sensor: SensorParameters = field(default_factory=SensorParameters)
+    sensor: SensorParameters = field(default_factory=SensorParameters)  # force sensor, as in the simulator
+    # calibration of an analogue sensor on a board, which takes the place of the Net F/T: its file, or its name. The
+    # converter then has the resolution, and ``sensor`` the noise and delay
     analogue: str | None = None
-    law: LawParameters = field(default_factory=LawParameters)
-    host: str = "127.0.0.1"
-    can_port: int = 0
+    law: LawParameters = field(default_factory=LawParameters)  # cutting law, as in the simulator
+    host: str = "127.0.0.1"  # address that everything listens on
+    can_port: int = 0  # 0 takes a free one, as below
     sensor_port: int = 0
     page_port: int = 0
     control_port: int = 0
@@ -142,53 +105,45 @@ class Options:
 class EmulatedRig(EmulatedBench):
     """Emulated rig on CAN: hub, drives, motors, tissue and sensor.
 
-    Attributes
-    ----------
-    axes, nodes : dict
-        Axes and nodes by name, "blade" and perhaps "angle", "height" and "side".
-    intruders : dict
-        Fault: speeds that another master commands every millisecond, by axis [m/s or rad/s].
+    ``axes`` and ``nodes`` are by name, "blade" and perhaps "angle", "height" and "side".
     """
 
     faults = FAULTS
 
     def __init__(self, options: Options | None = None) -> None:
-        self.options = options or Options()
-        felt = self.options.sensor
-        if self.options.analogue is not None:
+        self.options = options = options or Options()
+        felt = options.sensor
+        if options.analogue is not None:
             felt = replace(felt, force_resolution=0.0)  # the converter's
-        super().__init__(EmulatedTissue(felt, self.options.law, self.options.cross_axes), self.options.force_limit)
+        super().__init__(EmulatedTissue(felt, options.law, options.cross_axes), options.force_limit)
         self.axes: dict[str, EmulatedAxis] = {
-            "blade": EmulatedAxis(
-                "blade", self.options.blade_axis, self.options.blade_mechanics, position=0.0, margin=0.003
-            )
+            "blade": EmulatedAxis("blade", options.blade_axis, options.blade_mechanics, position=0.0, margin=0.003)
         }
-        if self.options.angle_mode == "free":
+        if options.angle_mode == "free":
             self.axes["angle"] = EmulatedAxis(
-                "angle", self.options.hinge_axis, self.options.hinge_mechanics, position=self.options.angle, margin=0.05
+                "angle", options.hinge_axis, options.hinge_mechanics, position=options.angle, margin=0.05
             )
-        for name, axis in self.options.cross_axes.items():
+        for name, axis in options.cross_axes.items():
             self.axes[name] = EmulatedAxis(name, axis, Mechanics(), position=0.0, margin=0.001)
-        self.cross_axes = tuple(self.options.cross_axes)
-        if self.options.mounted is not None:
-            self.mount(self.options.mounted)
+        self.cross_axes = tuple(options.cross_axes)
+        if options.mounted is not None:
+            self.mount(options.mounted)
         self._noise = np.random.default_rng(0).standard_normal((4096, 5)) * _OTHER_NOISE
         self._noise_rows = [tuple(row) for row in self._noise.tolist()]
         self._ticks = 0
         self._measured = True
+        # fault: speeds that another master commands every millisecond, by axis [m/s or rad/s]
         self.intruders: dict[str, float] = {}
         self.nodes = {name: Node(axis, self._send, self.happened) for name, axis in self.axes.items()}
         self.sensor: SensorServer | BoardServer
-        if self.options.analogue is None:
-            self.sensor = SensorServer(
-                host=self.options.host, port=self.options.sensor_port, page_port=self.options.page_port
-            )
+        if options.analogue is None:
+            self.sensor = SensorServer(host=options.host, port=options.sensor_port, page_port=options.page_port)
         else:
             self.sensor = BoardServer(
-                AnalogueCalibration.read(self.options.analogue), host=self.options.host, port=self.options.sensor_port
+                AnalogueCalibration.read(options.analogue), host=options.host, port=options.sensor_port
             )
         try:
-            self.hub = Hub(self._receive, host=self.options.host, port=self.options.can_port)
+            self.hub = Hub(self._receive, host=options.host, port=options.can_port)
         except OSError:
             self.sensor.close()
             raise

@@ -1,7 +1,4 @@
-"""Control port of the emulated rig.
-
-It takes requests that no real rig could answer: one line of JSON in, one out.
-"""
+"""Control port of the emulated rig: one line of JSON in, one out."""
 
 from __future__ import annotations
 
@@ -161,10 +158,7 @@ class _Conversation(socketserver.StreamRequestHandler):
 
 
 class ControlServer(socketserver.ThreadingTCPServer):
-    """Server of the control port of ``rig``, in own threads.
-
-    ``port`` is the port it listens on.
-    """
+    """Server of the control port of ``rig``, in own threads, on ``port``."""
 
     allow_reuse_address = True
     daemon_threads = True
@@ -193,19 +187,8 @@ class ControlServer(socketserver.ThreadingTCPServer):
 class EmulatorControl:
     """Client of the control port.
 
-    Parameters
-    ----------
-    port : int
-        Port that the emulator printed when it was ready; kept as an attribute.
-    host : str
-        Address of the emulator.
-    timeout : float
-        Time allowed for each answer [s].
-
-    Raises
-    ------
-    RigError
-        From every method: if no answer arrives in time, or the emulator refuses, with its reason.
+    ``port`` is what the emulator printed when it was ready; ``timeout``: time allowed for each answer [s]. Raise
+    RigError from every method: if no answer arrives in time, or the emulator refuses, with its reason.
     """
 
     def __init__(self, port: int, *, host: str = "127.0.0.1", timeout: float = 5.0) -> None:

@@ -69,13 +69,8 @@ class ObjectDictionary:
     """Objects of one node, with their values.
 
     canopen's SDO server reads and writes it by :meth:`get_data` and :meth:`set_data`, which have its names.
-
-    Parameters
-    ----------
-    entries : iterable of Entry
-        Entries of the dictionary.
-    written : callable, optional
-        Called as ``written(entry, value)`` before a master's value is stored; raises ``SdoAbortedError`` to refuse it.
+    ``written``: called as ``written(entry, value)`` before a master's value is stored; raises ``SdoAbortedError`` to
+    refuse it.
     """
 
     object_dictionary = None  # of canopen's own kind, which its server keeps for a client's use
@@ -221,8 +216,7 @@ STATUSWORDS = {
 }
 """Bits 0 to 6 of the statusword (6041), the power stage's voltage (bit 4) among them: masked by 0x6F, CiA 402's."""
 
-POWERED = frozenset({S.ENABLED, S.QUICK_STOP, S.REACTING})
-"""States in which the motor has torque."""
+POWERED = frozenset({S.ENABLED, S.QUICK_STOP, S.REACTING})  # states in which the motor has torque
 
 
 class StatusBit(IntEnum):
@@ -231,8 +225,7 @@ class StatusBit(IntEnum):
     REMOTE = 0x0200
     TARGET_REACHED = 0x0400
     INTERNAL_LIMIT = 0x0800
-    AT_REST = 0x1000
-    """Bit set at rest in profile velocity mode, or, in homing mode, when home is found."""
+    AT_REST = 0x1000  # bit set at rest in profile velocity mode, or, in homing mode, when home is found
     FOLLOWING_ERROR = 0x2000
     HOMED = 0x8000
 
@@ -283,14 +276,8 @@ _NEXT = {
 def after(state: DriveState, controlword: int, before: int, *, quick_stop_option: int) -> DriveState:
     """Return the state after a controlword.
 
-    Parameters
-    ----------
-    state : DriveState
-        Present state.
-    controlword, before : int
-        New controlword and the one before it: a rising edge of bit 7 resets a fault.
-    quick_stop_option : int
-        Value of object 605A: from 5 on the drive stays in quick stop, and may be enabled again.
+    ``before`` is the controlword before: a rising edge of bit 7 resets a fault; ``quick_stop_option``: value of object
+    605A: from 5 on the drive stays in quick stop, and may be enabled again.
     """
     if state is S.FAULT:
         return S.DISABLED if controlword & FAULT_RESET_BIT and not before & FAULT_RESET_BIT else S.FAULT
@@ -309,25 +296,10 @@ _SLOW = 1e-4  # [m/s or rad/s] below which an axis is at rest
 class EmulatedAxis:
     """Motor and mechanics of one axis, as its drive sees them.
 
-    Parameters
-    ----------
-    name : str
-        "blade", "angle", "height" or "side".
-    settings : Axis
-        Node, gear, lead, encoder, travel.
-    mechanics : Mechanics
-        Inertia, friction, play.
-    position : float
-        Position at the start [m or rad]; the encoder is referenced: 0 increments are 0.
-    margin : float
-        Distance from the ends of its travel to the mechanical ends [m or rad].
-
-    Attributes
-    ----------
-    homed : bool
-        True if the drive reports that its position is referenced to home; only axes across the cut are asked for it.
-    encoder_stuck : bool
-        Fault: position and velocity stay constant; the loop goes on by the motor's own commutation.
+    ``position``: position at the start [m or rad]; the encoder is referenced: 0 increments are 0; ``margin``: distance
+    from the ends of its travel to the mechanical ends [m or rad]. ``homed``: True if the drive reports that its
+    position is referenced to home; only axes across the cut are asked for it; ``encoder_stuck``: fault: position and
+    velocity stay constant; the loop goes on by the motor's own commutation.
     """
 
     def __init__(self, name: str, settings: Axis, mechanics: Mechanics, *, position: float, margin: float) -> None:

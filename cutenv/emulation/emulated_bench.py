@@ -1,7 +1,4 @@
-"""Base of every emulated rig.
-
-Its loop of a millisecond at a time, events, and faults by name and parameters.
-"""
+"""Base of every emulated rig: its loop, events and faults."""
 
 from __future__ import annotations
 
@@ -70,10 +67,7 @@ class InjectedFault:
     def checked(self, name: str, given: Parameters, axes: list[str]) -> Parameters:
         """Return all parameters, with defaults for those not given.
 
-        Raises
-        ------
-        ValueError, TypeError
-            For an unknown parameter or a value out of range.
+        Raise ValueError, TypeError for an unknown parameter or a value out of range.
         """
         known = [*self.parameters, *(["axis"] if self.of_axis else [])]
         if unknown := [key for key in given if key not in known]:
@@ -87,8 +81,7 @@ class InjectedFault:
         return checked
 
 
-Act = Callable[[Any, Parameters, Any], None]
-"""Change of a rig, from its parameters and a value."""
+Act = Callable[[Any, Parameters, Any], None]  # change of a rig, from its parameters and a value
 
 
 def switched(
@@ -205,10 +198,7 @@ FAULTS: dict[str, InjectedFault] = {
 def parsed_fault(text: str, faults: Mapping[str, InjectedFault] = FAULTS) -> tuple[str, Parameters, float]:
     """Parse ``NAME@SECONDS`` or ``NAME:KEY=VALUE,KEY=VALUE@SECONDS`` into name, parameters and time [s].
 
-    Raises
-    ------
-    ValueError
-        If it has another form.
+    Raise ValueError if it has another form.
     """
     what, at, seconds = text.rpartition("@")
     name, _, listed = what.partition(":")
@@ -224,8 +214,7 @@ def parsed_fault(text: str, faults: Mapping[str, InjectedFault] = FAULTS) -> tup
     return name, given, moment
 
 
-STALL = 0.005
-"""Delay of the loop from which it is counted as a stall [s]."""
+STALL = 0.005  # delay of the loop from which it is counted as a stall [s]
 _FORGIVEN = 0.25  # [s] of delay that is caught up; more is skipped
 _STILL = 1e-4  # [m/s] below which the carriage is at rest
 _KEPT_EVENTS = 10_000
@@ -234,36 +223,20 @@ _KEPT_EVENTS = 10_000
 class EmulatedBench(ABC):
     """Emulated rig of any kind; :meth:`run` advances the time.
 
-    Parameters
-    ----------
-    bench : EmulatedTissue
-        Tissue under the blade.
-    force_limit : float
-        True force whose crossing is recorded as an event [N].
-
-    Attributes
-    ----------
-    stalls, worst_stall : int, float
-        Number of delays of the loop beyond :data:`STALL`, and the longest [s].
-    real_time : bool
-        True if it has priority over other processes.
-    stopped : threading.Event
-        Set it to end :meth:`run`.
+    ``force_limit``: true force whose crossing is recorded as an event [N]. ``stalls``, ``worst_stall``: number of
+    delays of the loop beyond :data:`STALL`, and the longest [s].
     """
 
-    faults: ClassVar[Mapping[str, InjectedFault]]
-    """Faults that it knows, by name."""
-    stands_after: ClassVar[int] = 5
-    """Milliseconds without motion after which the carriage has come to rest."""
-    cross_axes: tuple[str, ...] = ()
-    """Names of the axes across the cut, "height" and "side"."""
+    faults: ClassVar[Mapping[str, InjectedFault]]  # faults that it knows, by name
+    stands_after: ClassVar[int] = 5  # milliseconds without motion after which the carriage has come to rest
+    cross_axes: tuple[str, ...] = ()  # names of the axes across the cut, "height" and "side"
 
     def __init__(self, bench: EmulatedTissue, force_limit: float) -> None:
         self.bench = bench
         self.lock = threading.RLock()
-        self.stopped = threading.Event()
+        self.stopped = threading.Event()  # set it to end :meth:`run`
         self.stalls, self.worst_stall = 0, 0.0
-        self.real_time = False
+        self.real_time = False  # True if it has priority over other processes
         self.force_limit = force_limit
         self.active: dict[tuple[str, str], dict[str, Any]] = {}
         self._events: deque[dict[str, Any]] = deque(maxlen=_KEPT_EVENTS)
@@ -323,10 +296,7 @@ class EmulatedBench(ABC):
     def inject(self, name: str, given: dict[str, Any]) -> dict[str, Any]:
         """Start a fault now; return its parameters.
 
-        Raises
-        ------
-        ValueError, TypeError
-            For an unknown fault or parameter, or a value out of range.
+        Raise ValueError, TypeError for an unknown fault or parameter, or a value out of range.
         """
         fault = self.faults[one_of("fault", name, self.faults)]
         parameters = fault.checked(name, given, list(self.axis_names))
@@ -344,13 +314,7 @@ class EmulatedBench(ABC):
         self._planned.sort(key=lambda planned: planned[0])
 
     def clear(self, name: str | None = None) -> list[str]:
-        """End one fault, or all; return their names.
-
-        Raises
-        ------
-        RigError
-            If that fault is not active.
-        """
+        """End one fault, or all; return their names; raise RigError if that fault is not active."""
         with self.lock:
             found = [key for key in self.active if name in (None, key[0])]
             if name is not None and not found:

@@ -1,7 +1,4 @@
-"""Emulated drive on the bus.
-
-NMT, heartbeats, SDO, mapped PDOs and emergencies around the states of CiA 402.
-"""
+"""Emulated drive on the bus: NMT, heartbeats, SDO, PDOs, emergencies."""
 
 from __future__ import annotations
 
@@ -33,8 +30,7 @@ from cutenv.rig.devices.protocols import DriveState
 
 _IDENTIFIER = 0x7FF
 _SYNCHRONOUS = 240  # greatest transmission type that depends on SYNC
-Write = tuple[int, int, bytes]
-"""Index, sub-index and new value of an object that a received frame writes."""
+Write = tuple[int, int, bytes]  # index, sub-index and new value of an object that a received frame writes
 
 
 def _parts(mapped: int) -> tuple[int, int, int]:
@@ -176,8 +172,7 @@ class ProcessData:
 _SAVE = 0x65766173  # "save", backwards
 _REACTION_ENDS = 1.0  # [s] after which a fault reaction ends even if the axis still moves
 logging.getLogger("canopen.sdo.server").setLevel(logging.CRITICAL)  # it logs as an error what it answers
-Happened = Callable[..., None]
-"""Callback ``happened(what, axis=..., **details)`` for events that a test may ask for."""
+Happened = Callable[..., None]  # callback ``happened(what, axis=..., **details)`` for events that a test may ask for
 
 
 class Nmt(IntEnum):
@@ -211,28 +206,16 @@ def error_register(code: int) -> int:
 class Node:
     """Emulated drive on the bus.
 
-    Parameters
-    ----------
-    axis : EmulatedAxis
-        Axis that it drives; gives node number and name.
-    send : callable
-        Puts a :class:`~cutenv.emulation.can_hub.Frame` on the bus.
-    happened : callable
-        Called for quick stops, emergencies and lost heartbeats.
-
-    Attributes
-    ----------
-    heartbeat_lost, bus_off, doubles, deaf : bool
-        Faults: no heartbeats; no frames in or out; every frame comes and goes twice; quick stops are not obeyed.
-    failure : int
-        Fault: an emergency code that keeps the drive in fault; 0: none.
+    ``send``: puts a :class:`~cutenv.emulation.can_hub.Frame` on the bus; ``happened``: called for quick stops,
+    emergencies and lost heartbeats. ``heartbeat_lost``, ``bus_off``, ``doubles``, ``deaf``: faults: no heartbeats; no
+    frames in or out; every frame comes and goes twice; quick stops are not obeyed.
     """
 
     def __init__(self, axis: EmulatedAxis, send: Callable[[Frame], None], happened: Happened) -> None:
         self.axis = axis
         self.number = axis.settings.node
         self.heartbeat_lost = self.bus_off = self.doubles = self.deaf = False
-        self.failure = 0
+        self.failure = 0  # fault: an emergency code that keeps the drive in fault; 0: none
         self._put = send
         self._happened = happened
         self.dictionary = ObjectDictionary(epos4(self.number), self._written)

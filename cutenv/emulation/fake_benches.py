@@ -1,7 +1,4 @@
-"""Benches of a fake rig, on which blade and sensor work.
-
-On a bench is a specimen, a recorded cut, or nothing.
-"""
+"""Benches of a fake rig: a specimen, a recorded cut, or nothing."""
 
 from __future__ import annotations
 
@@ -65,10 +62,7 @@ class DrivenPlant(Protocol):
 class CrossDrive:
     """Height or side axis of a blade in air.
 
-    Attributes
-    ----------
-    place, speed : float
-        Place of the blade [m] and its speed [m/s], upwards or to the left.
+    ``place``, ``speed``: place of the blade [m] and its speed [m/s], upwards or to the left.
     """
 
     def __init__(self, axis: CrossAxis) -> None:
@@ -111,21 +105,9 @@ class FreeAcross:
 class SpecimenPlant(FreeAcross):
     """Specimen under the cutting law, with simulated drive and sensor.
 
-    On a rig with a height axis the law is that with vertical motion, and the specimen may be in layers.
-
-    Parameters
-    ----------
-    mounted : MountedSpecimen
-        Specimen, with the blade at the clamp and at height 0; its key selects the sensor's noise.
-    settings : RigSettings
-        Settings of the rig.
-    drive, sensor, law
-        As for :class:`cutenv.sim.plant.SimulatedPlant`.
-
-    Attributes
-    ----------
-    plant : SimulatedPlant or DescendingPlant
-        The simulated specimen.
+    On a rig with a height axis the law is that with vertical motion, and the specimen may be in layers. ``mounted``:
+    specimen, with the blade at the clamp and at height 0; its key selects the sensor's noise; ``drive``, ``sensor``,
+    ``law`` are as for :class:`cutenv.sim.plant.SimulatedPlant`.
     """
 
     def __init__(
@@ -138,7 +120,7 @@ class SpecimenPlant(FreeAcross):
             "drive": drive or drive_of(settings), "sensor": sensor, "law": law, "seed": mounted.seed,
             "episode": mounted.episode, "angle": self._angle,
         }  # fmt: skip
-        self.plant: SimulatedPlant
+        self.plant: SimulatedPlant  # the simulated specimen
         if settings.height is None:
             self.plant = SimulatedPlant(mounted.drawn(), **constants)
         else:
@@ -228,10 +210,7 @@ class _Rise:
 
 
 class RecordedPlant(FreeAcross):
-    """Recorded cut, replayed millisecond by millisecond, whatever is commanded.
-
-    At its end the blade rests.
-    """
+    """Recorded cut, replayed millisecond by millisecond, whatever is commanded. At its end the blade rests."""
 
     def __init__(self, trace: Trace) -> None:
         self._tape = ReplayPlant(trace)
@@ -267,16 +246,9 @@ _FAR = 100.0  # [m] to the model's own end stops
 class AirPlant(FreeAcross):
     """Bench of :class:`cutenv.emulation.fake_rig.FakeRig` with drive and sensor, no specimen.
 
-    Parameters
-    ----------
-    settings : RigSettings
-        Settings with the travel, and the angle at the start.
-    drive : Rig, optional
-        Drive of the blade; by default the one that the settings describe.
-    sensor : Sensor, optional
-        Force sensor; that of the simulator by default.
-    start : float, optional
-        Position of the blade at the start [m]; by default the middle of its travel.
+    ``settings``: settings with the travel, and the angle at the start; ``drive``: drive of the blade; by default the
+    one that the settings describe; ``sensor``: force sensor; that of the simulator by default; ``start``: position of
+    the blade at the start [m]; by default the middle of its travel.
     """
 
     def __init__(
@@ -338,21 +310,9 @@ _ACROSS = 2**32  # added to the seed of the noise of the force to the side
 class SteeredBench(AirPlant):
     """Specimen under the law in the plane, with drive and sensors.
 
-    Drive and sensor are the simulator's; a second sensor measures to the side.
-
-    Parameters
-    ----------
-    mounted : MountedSpecimen
-        Specimen along its line, with the blade at the clamp, in the middle; its key selects the sensor's noise.
-    settings : RigSettings
-        Settings of a rig with an axis to the side.
-    drive, sensor, law
-        As for :class:`cutenv.sim.plant.SimulatedPlant`.
-
-    Attributes
-    ----------
-    tissue : TissueInPlane
-        The specimen, with what is hidden on a rig.
+    Drive and sensor are the simulator's; a second sensor measures to the side. ``mounted``: specimen along its line,
+    with the blade at the clamp, in the middle; its key selects the sensor's noise and the rig has an axis to the side;
+    ``drive``, ``sensor``, ``law`` are as for :class:`cutenv.sim.plant.SimulatedPlant`.
     """
 
     def __init__(
@@ -361,6 +321,7 @@ class SteeredBench(AirPlant):
         law: LawParameters | None = None,
     ) -> None:  # fmt: skip
         settings.require_side_axis(by="SteeredBench")
+        # the specimen, with what is hidden on a rig
         self.tissue = TissueInPlane(mounted.drawn(), mounted.line or straight(), law=law, angle=settings.fixed_angle)
         self._to_side = Sensor(sensor, seed=(mounted.seed + _ACROSS) % 2**64, episode=mounted.episode)
         self._side_force = 0.0

@@ -47,67 +47,44 @@ _ARM = 0.1  # [m] from the blade's lower end up to the sensor, of a rig with a h
 
 @dataclass
 class CrossFaults:
-    """Faults of an axis across the cut.
+    """Faults of an axis across the cut. Each can be changed at any instant."""
 
-    Each can be changed at any instant.
-    """
-
-    stuck: bool = False
-    """True if its encoder shows one place."""
-    blocked: bool = False
-    """True if the blade stands, and its encoder shows it."""
+    stuck: bool = False  # True if its encoder shows one place
+    blocked: bool = False  # True if the blade stands, and its encoder shows it
     one_way: bool = False
     """True if the blade can be lowered, but not raised; or moved to the right, but not to the left."""
-    shift: float = 0.0
-    """Difference by which its encoder is wrong [m]."""
-    runaway: float = 0.0
-    """Speed of the blade, whatever is commanded [m/s]; a quick stop does stop it."""
-    silent: bool = False
-    """True if it sends no samples."""
+    shift: float = 0.0  # difference by which its encoder is wrong [m]
+    runaway: float = 0.0  # speed of the blade, whatever is commanded [m/s]; a quick stop does stop it
+    silent: bool = False  # True if it sends no samples
     heartbeat_silent: bool = False
     not_homed: bool = False
-    quick_stops_lost: int = 0
-    """Number of quick stops that do not reach its drive."""
-    force: float = 0.0
-    """Force added to the tissue's, upwards, or to the right [N]."""
+    quick_stops_lost: int = 0  # number of quick stops that do not reach its drive
+    force: float = 0.0  # force added to the tissue's, upwards, or to the right [N]
 
 
 @dataclass
 class Faults:
     """Faults of a fake rig, changeable at any instant."""
 
-    extra_force: float = 0.0
-    """Force added along the cut [N]."""
-    side_force: float = 0.0
-    """Force added across the cut [N]."""
-    ramp: float = 0.0
-    """Rate of a growing force added along the cut [N/s]."""
+    extra_force: float = 0.0  # force added along the cut [N]
+    side_force: float = 0.0  # force added across the cut [N]
+    ramp: float = 0.0  # rate of a growing force added along the cut [N/s]
     force_nan: bool = False
     force_status: int = 0
     force_frozen: bool = False
-    axis_frozen: int | None = None
-    """Index of the one force that stays at its count: 0, 1 or 2."""
+    axis_frozen: int | None = None  # index of the one force that stays at its count: 0, 1 or 2
     force_silent: bool = False
-    force_late: float = 0.0
-    """Delay of every reading [s]."""
-    lose_every: int = 0
-    """Interval between readings that arrive, the others being lost; 0: all arrive."""
+    force_late: float = 0.0  # delay of every reading [s]
+    lose_every: int = 0  # interval between readings that arrive, the others being lost; 0: all arrive
     motion_silent: bool = False
-    motion_doubled: bool = False
-    """True to send every sample of an axis twice."""
+    motion_doubled: bool = False  # True to send every sample of an axis twice
     heartbeat_silent: bool = False
-    stuck: bool = False
-    """True if the encoder shows one position while the blade moves on."""
-    blocked: bool = False
-    """True if the blade stands, and its encoder shows it."""
-    slip: float = 0.0
-    """Difference by which the blade is slower than commanded [m/s]."""
-    runaway: float = 0.0
-    """Speed of the blade, whatever is commanded [m/s]; a quick stop does stop it."""
-    quick_stops_lost: int = 0
-    """Number of quick stops that do not reach the blade's drive."""
-    turn_stuck: bool = False
-    """True if the hinge's encoder shows one angle."""
+    stuck: bool = False  # True if the encoder shows one position while the blade moves on
+    blocked: bool = False  # True if the blade stands, and its encoder shows it
+    slip: float = 0.0  # difference by which the blade is slower than commanded [m/s]
+    runaway: float = 0.0  # speed of the blade, whatever is commanded [m/s]; a quick stop does stop it
+    quick_stops_lost: int = 0  # number of quick stops that do not reach the blade's drive
+    turn_stuck: bool = False  # True if the hinge's encoder shows one angle
     height: CrossFaults = field(default_factory=CrossFaults)
     side: CrossFaults = field(default_factory=CrossFaults)
     power_lost: bool = False
@@ -123,8 +100,7 @@ class FakeDrive:
         self.latch = Latch()
         self.state = DriveState.DISABLED
         self.target = 0.0
-        self.sent: list[tuple[float, str]] = []
-        """Actions that were to stop the axis, with their times [s]."""
+        self.sent: list[tuple[float, str]] = []  # actions that were to stop the axis, with their times [s]
 
     def open(self, listener: MotionListener) -> None:
         """Send samples to the listener from now on."""
@@ -186,13 +162,7 @@ class FakeDrive:
 
 def drive_limits(axis: Axis) -> dict[str, float]:
     """Return the limits a drive with these settings would report."""
-    return {
-        "low": axis.low,
-        "high": axis.high,
-        "speed": axis.speed,
-        "acceleration": axis.acceleration,
-        "quick_stop": axis.quick_stop,
-    }
+    return {name: getattr(axis, name) for name in ("low", "high", "speed", "acceleration", "quick_stop")}
 
 
 class FakeSensor:
@@ -227,23 +197,8 @@ class FakeSensor:
 class FakeRig:
     """Drives and sensor on a bench, with fake clock and plant.
 
-    Parameters
-    ----------
-    bench : callable
-        Makes the bench from the settings, once for every specimen.
-    settings : RigSettings, optional
-        Default: a rig whose angle is free, calibrated today.
-    follows : bool
-        True if the blade follows commands; False for a replayed cut.
-
-    Attributes
-    ----------
-    plant : RigPlant
-        Plant, still to be opened.
-    heard : callable
-        Called with every command: time [s], axis, speed [m/s or rad/s].
-    faults : Faults
-        Faults, which may be changed at any instant.
+    ``bench``: makes the bench from the settings, once for every specimen; ``settings``: default: a rig whose angle is
+    free, calibrated today; ``follows``: False for a replayed cut.
     """
 
     def __init__(
@@ -257,7 +212,7 @@ class FakeRig:
     ) -> None:
         self.settings = settings or fake_settings()
         self.clock = clock or FakeClock()
-        self.faults = Faults()
+        self.faults = Faults()  # faults, which may be changed at any instant
         self._make, self._follows = bench, follows
         self.bench = bench(self.settings)
         self.blade = FakeDrive("blade", self)
@@ -266,9 +221,11 @@ class FakeRig:
         self.across = {name: FakeDrive(name, self) for name in self._crossing}
         self.sensor = FakeSensor(self)
         axes = [axis for axis in (self.blade, self.angle, *self.across.values()) if axis is not None]
+        # plant, still to be opened
         self.plant = RigPlant(Spine(self.settings, self.clock, axes, self.sensor, follows=follows))
         if depth is not None:
             self.plant.depth = depth
+        # called with every command: time [s], axis, speed [m/s or rad/s]
         self.heard: Callable[[float, str, float], None] = lambda time, axis, speed: None
         self._listeners: dict[str, MotionListener | None] = {}
         self._sequence = 0

@@ -31,25 +31,15 @@ from cutenv.rig.errors import RigError
 class EmulatedLine:
     """Pseudo-terminal whose other end is opened as a serial port.
 
-    Attributes
-    ----------
-    port : str
-        Name of the port, a link that leads to the terminal.
-    lost_share, damaged_share : float
-        Faults: shares of the lines from the board that are lost, and of which a byte is changed.
-    delay : float
-        Fault: time that lines from the board take longer [s].
-    doubled : bool
-        Fault: each line from the board comes twice.
-    deaf, mute : bool
-        Faults: nothing gets to the board; nothing comes from it.
-    noise : bool
-        Fault: random bytes come from the board, as with another baud rate.
+    ``lost_share``, ``damaged_share``: faults: shares of the lines from the board that are lost, and of which a byte is
+    changed; ``delay``: fault: time that lines from the board take longer [s]; ``doubled``: fault: each line from the
+    board comes twice; ``deaf``, ``mute``: faults: nothing gets to the board; nothing comes from it; ``noise``: fault:
+    random bytes come from the board, as with another baud rate.
     """
 
     def __init__(self) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="cutenv-port-")
-        self.port = str(Path(self._folder.name) / "board")
+        self.port = str(Path(self._folder.name) / "board")  # name of the port, a link that leads to the terminal
         self._master = self._slave = -1
         self._late: deque[tuple[float, bytes]] = deque()
         self._rest = b""
@@ -131,12 +121,9 @@ class EmulatedLine:
         self._folder.cleanup()
 
 
-CONVERTERS = {"hx711": 80, "ads1220": 330, "nau7802": 320}
-"""Converters that the sketch knows, with their rates [Hz]."""
-STOP_PIN, LOW_PIN, HIGH_PIN = 6, 7, 8
-"""Pins of the stop button's contact and of the limit switches, as in the sketch."""
-LOOP_TIME = 20
-"""Time that a turn of the sketch's loop takes [us], assumed."""
+CONVERTERS = {"hx711": 80, "ads1220": 330, "nau7802": 320}  # converters that the sketch knows, with their rates [Hz]
+STOP_PIN, LOW_PIN, HIGH_PIN = 6, 7, 8  # pins of the stop button's contact and of the limit switches, as in the sketch
+LOOP_TIME = 20  # time that a turn of the sketch's loop takes [us], assumed
 _FLAGS = ("-O2", "-shared", "-fPIC", "-x", "c++")
 _DRAINED = 4096  # bytes at a time
 
@@ -144,19 +131,8 @@ _DRAINED = 4096  # bytes at a time
 class Firmware:
     """Board that runs the sketch.
 
-    Each object is a board of its own, just switched on.
-
-    Parameters
-    ----------
-    converter : str
-        Converter of the load cell, of :data:`CONVERTERS`.
-
-    Raises
-    ------
-    RigError
-        If the sketch cannot be compiled here.
-    ValueError
-        If there is no such converter.
+    Each object is a board of its own, just switched on. ``converter`` is of :data:`CONVERTERS`. Raise RigError if the
+    sketch cannot be compiled here; ValueError if there is no such converter.
     """
 
     def __init__(self, converter: str = "hx711") -> None:
@@ -207,12 +183,7 @@ class Firmware:
 def compiled(converter: str) -> Path:
     """Return the sketch's library with this converter, compiled on first use.
 
-    Raises
-    ------
-    RigError
-        If there is no C++ compiler, or it fails.
-    ValueError
-        If there is no such converter.
+    Raise RigError if there is no C++ compiler, or it fails; ValueError if there is no such converter.
     """
     one_of("converter", converter, CONVERTERS)
     folder = resources.path("firmware")
@@ -266,40 +237,21 @@ _BANNER = b"Grbl 1.1h ['$' for help]\r\n"
 class EmulatedGrbl:
     """Machine whose X axis jogs.
 
-    Run it in a thread of its own.
-
-    Parameters
-    ----------
-    rate, acceleration : float
-        Settings $110 [mm/min] and $120 [mm/s2].
-
-    Attributes
-    ----------
-    line : EmulatedLine
-        Serial line; ``line.port`` is the port to open.
-    position, speed : float
-        Machine position [mm], and speed [mm/s].
-    deaf_to_cancel, blocked : bool
-        Faults: jog cancel is not obeyed; the carriage stands though the motor gets pulses.
-    state : str
-        State as in its reports.
-    cancels, runs_out : int
-        Jog cancels that came, and times at which it came to the end of its jogs by itself.
-    jogs_read : int
-        Jogs that it has taken.
-    stopped : threading.Event
-        Set it to end :meth:`run`.
+    Run it in a thread of its own. ``rate``, ``acceleration``: settings $110 [mm/min] and $120 [mm/s2]. ``position``,
+    ``speed``: machine position [mm], and speed [mm/s]; ``deaf_to_cancel``, ``blocked``: faults: jog cancel is not
+    obeyed; the carriage stands though the motor gets pulses; ``state``: state as in its reports; ``cancels``,
+    ``runs_out``: jog cancels that came, and times at which it came to the end of its jogs by itself.
     """
 
     def __init__(self, *, rate: float = 360.0, acceleration: float = 100.0) -> None:
-        self.line = EmulatedLine()
+        self.line = EmulatedLine()  # serial line; ``line.port`` is the port to open
         self.settings = {10: 1.0, 13: 0.0, 20: 0.0, 21: 1.0, 100: 400.0, 110: rate, 120: acceleration}
         self.position = self.speed = 0.0
         self.deaf_to_cancel = self.blocked = False
         self._slipped = 0.0  # [mm] of pulses that a blocked carriage did not follow
         self.cancels = self.runs_out = 0
-        self.stopped = threading.Event()
-        self.jogs_read = 0
+        self.stopped = threading.Event()  # set it to end :meth:`run`
+        self.jogs_read = 0  # jogs that it has taken
         self._way = 1.0
         self._blocks: deque[list[float]] = deque()  # way left [mm], feed [mm/s]
         self.state, self._cancelling = "Idle", False

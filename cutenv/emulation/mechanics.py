@@ -31,22 +31,17 @@ from cutenv.sim.cutting.sensor import Sensor, SensorParameters
 from cutenv.sim.plant import DescendingPlant, SimulatedPlant
 from cutenv.sim.tissue.specimen import Specimen
 
-SUBSTEP = 5e-5
-"""Time step of the equations of motion [s]."""
+SUBSTEP = 5e-5  # time step of the equations of motion [s]
 _SUBSTEPS = 20  # a millisecond
 _DELAYS = 128  # commands under way at most, one a millisecond
-BLOCKED, BLOCKED_ONWARD = 1, 2
-"""Faults of the motor: it cannot move; it cannot move toward greater positions."""
+BLOCKED, BLOCKED_ONWARD = 1, 2  # faults of the motor: it cannot move; it cannot move toward greater positions
+# modes of the drive: no torque; follow the target speed; bring the demanded speed to zero by the ramp alone
 MODE_OFF, MODE_VELOCITY, MODE_RAMP = 0, 1, 2
-"""Modes of the drive: no torque; follow the target speed; bring the demanded speed to zero by the ramp alone."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Mechanics:
-    """Motor, gear and load.
-
-    The defaults are those of the blade's carriage, :func:`hinge` gives the other's.
-    """
+    """Motor, gear and load. The defaults are those of the blade's carriage, :func:`hinge` gives the other's."""
 
     lag: float = parameter(
         0.040,
@@ -296,38 +291,24 @@ def turn_motor(motors: StructArray, load: float) -> None:
             motor.position = motor.carriage + motor.slipped
 
 
-CLAMP_TOLERANCE = 0.002
-"""Greatest distance of the blade from the clamp at which a specimen can be laid [m]."""
+CLAMP_TOLERANCE = 0.002  # greatest distance of the blade from the clamp at which a specimen can be laid [m]
+# distance from the blade's lower end up to the sensor, of an emulated or fake rig with an axis across the cut [m]
 ARM = 0.1
-"""Distance from the blade's lower end up to the sensor, of an emulated or fake rig with an axis across the cut [m]."""
 
 
 class EmulatedTissue:
     """Specimen, blade and force sensor, a millisecond at a time.
 
-    A specimen along a line feels the blade in the plane, another one in height, where the rig has the axis.
-
-    Parameters
-    ----------
-    sensor : SensorParameters, optional
-        Force sensor; as in the simulator by default.
-    law : LawParameters, optional
-        Cutting law; as in the simulator by default.
-    axes : iterable of str
-        Axes across the cut, "height" and "side".
-
-    Attributes
-    ----------
-    places : dict
-        Height of the blade's lower end, and place to the left, in the next millisecond [m], by axis.
-    forces : dict
-        Force of the tissue on the blade, upwards, and to the right, in the last one [N], with what a fault adds.
+    A specimen along a line feels the blade in the plane, another one in height, where the rig has the axis. ``axes``:
+    axes across the cut, "height" and "side". ``forces``: force of the tissue on the blade, upwards, and to the right,
+    in the last one [N], with what a fault adds.
     """
 
     def __init__(
         self, sensor: SensorParameters | None = None, law: LawParameters | None = None, axes: Iterable[str] = ()
     ) -> None:
         self._sensor, self._law = sensor or SensorParameters(), law
+        # height of the blade's lower end, and place to the left, in the next millisecond [m], by axis
         self.places = dict.fromkeys(axes, 0.0)
         self.forces, self._added = dict(self.places), dict(self.places)
         self._extra = self._force = 0.0
@@ -343,21 +324,9 @@ class EmulatedTissue:
     def mount(self, specimen: Specimen, mounted: MountedSpecimen, *, position: float, angle: float) -> None:
         """Clamp a fresh specimen, its crack at the blade.
 
-        The blade must be at the clamp, at height 0, in the middle.
-
-        Parameters
-        ----------
-        specimen : Specimen
-            Specimen to be cut.
-        mounted : MountedSpecimen
-            Key of the specimen; seed and episode select the sensor's noise, as in the simulator.
-        position, angle : float
-            Position [m] and angle [rad] of the blade; :attr:`places` are those of the other axes.
-
-        Raises
-        ------
-        RigError
-            If the blade is somewhere else.
+        The blade must be at the clamp, at height 0, in the middle. ``mounted``: key of the specimen; seed and episode
+        select the sensor's noise, as in the simulator; ``position``, ``angle``: position [m] and angle [rad] of the
+        blade; :attr:`places` are those of the other axes. Raise RigError if the blade is somewhere else.
         """
         for name, place in self.places.items():
             if abs(place) > CLAMP_TOLERANCE:
@@ -390,10 +359,7 @@ class EmulatedTissue:
     def add_across(self, axis: str, force: float) -> None:
         """Add ``force`` [N] upwards or to the right; 0 removes it.
 
-        Raises
-        ------
-        ValueError
-            If the rig has no such axis: there is no force along it.
+        Raise ValueError if the rig has no such axis: there is no force along it.
         """
         if axis not in self._added:
             raise ValueError(f"this rig has no {axis} axis. Start the emulator with --{axis}.")

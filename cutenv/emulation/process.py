@@ -1,7 +1,4 @@
-"""Process of the emulated rig.
-
-The server that runs in it, and the client that starts, connects to and ends it.
-"""
+"""Process of the emulated rig: its server, and the client that starts it."""
 
 from __future__ import annotations
 
@@ -19,7 +16,6 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from cutenv._base.output import atomic_write
@@ -54,8 +50,7 @@ from cutenv.sim.cutting.steering import STEERED
 from cutenv.sim.tissue.grid import N_POINTS, SPACING
 from cutenv.sim.tissue.lines import straight
 
-STARTS_WITHIN = 180.0
-"""Time allowed for a start [s]; the first one on a machine compiles."""
+STARTS_WITHIN = 180.0  # time allowed for a start [s]; the first one on a machine compiles
 _ENDS_WITHIN = 5.0  # [s]
 _SWITCH = 0.0005  # [s] after which a thread lets another one run: a millisecond holds several
 
@@ -93,28 +88,11 @@ def serve(
     """Run an emulated rig until signal, control request or parent's end.
 
     Prints one line of JSON when it is ready: the ports "can", "sensor" and "control", the URL "page", and "pid"; of a
-    serial rig "port", "converter", "control" and "pid", with GRBL also "sensor_port".
-
-    Parameters
-    ----------
-    options : Options or SerialOptions
-        Construction of the rig.
-    faults : sequence of (name, parameters, seconds)
-        Faults, each with its time after the start [s].
-    parent : int, optional
-        Process whose end also ends this one.
-    real_time : bool
-        Take priority over other processes, if the system allows; "state" on the control port reports whether it did.
-
-    file : Path, optional
-        Path at which a rig file for it is written, for ``cutenv rig run --rig FILE`` and other commands.
-
-    Raises
-    ------
-    OSError
-        If a port is taken.
-    ValueError, TypeError
-        For an unknown fault or parameter.
+    serial rig "port", "converter", "control" and "pid", with GRBL also "sensor_port". ``options``: construction of the
+    rig; ``faults``: faults, each with its time after the start [s]; ``parent``: process whose end also ends this one;
+    ``real_time``: take priority over other processes, if the system allows; "state" on the control port reports whether
+    it did; ``file``: path at which a rig file for it is written, for ``cutenv rig run --rig FILE`` and other commands.
+    Raise OSError if a port is taken; ValueError, TypeError for an unknown fault or parameter.
     """
     sys.setswitchinterval(_SWITCH)
     serial = isinstance(options, SerialOptions)
@@ -238,30 +216,9 @@ def _sensor(ready: dict[str, Any], host: str) -> SensorSettings:
 class RunningEmulator:
     """Emulated rig in a process of its own.
 
-    It ends with the ``with`` block, or with this process.
-
-    Parameters
-    ----------
-    arguments : sequence of str
-        Arguments of ``cutenv rig emulate``.
-    timeout : float
-        Time until it is ready [s].
-
-    Attributes
-    ----------
-    pid : int
-        Id of the process.
-    settings : RigSettings
-        Settings for drivers that connect to it.
-    control : EmulatorControl
-        Client of its control port.
-    ready : dict
-        What it printed: its ports, and what drivers have to know.
-
-    Raises
-    ------
-    RigError
-        If it is not ready in time, or ends before that.
+    It ends with the ``with`` block, or with this process. ``arguments``: arguments of ``cutenv rig emulate``;
+    ``timeout``: time until it is ready [s]. ``ready``: what it printed: its ports, and what drivers have to know. Raise
+    RigError if it is not ready in time, or ends before that.
     """
 
     def __init__(
@@ -284,13 +241,14 @@ class RunningEmulator:
             stdout=subprocess.PIPE,
             start_new_session=True,  # Ctrl-C is for the rig's program, which ends the emulator in order
         )
-        self.pid = self._process.pid
+        self.pid = self._process.pid  # id of the process
         try:
             self.ready = ready = self._ready(timeout)
+            # settings for drivers that connect to it
             self.settings = emulated_settings(ready, angle_mode=angle_mode, angle=angle, across=across)
-            self.control = EmulatorControl(ready["control"])
+            self.control = EmulatorControl(ready["control"])  # client of its control port
         except BaseException:
-            self._end()
+            self.close()
             raise
 
     def _ready(self, timeout: float) -> dict[str, Any]:
@@ -307,7 +265,8 @@ class RunningEmulator:
         ready: dict[str, Any] = json.loads(line)
         return ready
 
-    def _end(self) -> None:
+    def close(self) -> None:
+        """End the process; may be called twice."""
         if self._process.poll() is None:
             self._process.terminate()
             try:
@@ -336,17 +295,11 @@ class RunningEmulator:
         """Exit status of the process; None while it runs."""
         return self._process.poll()
 
-    def close(self) -> None:
-        """End the process; may be called twice."""
-        self._end()
-
     def __enter__(self) -> RunningEmulator:
         """Return itself; it is running."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """End the process."""
         self.close()
 
@@ -364,26 +317,12 @@ def start(
 ) -> RunningEmulator:
     """Start an emulated rig: ``with start(seed=3) as emulator: ...``.
 
-    Parameters
-    ----------
-    seed, specimen_class
-        Key of the specimen at the start; ``free_air``: none.
-    angle_deg : float, optional
-        Angle at which the blade is fixed [degrees]; None: a second axis turns it.
-    across : sequence of str
-        Axes across the cut that it has: "height", "side".
-    kind : str
-        Name of the rig, of :data:`~cutenv.rig.config.settings.EMULATED`; the blade of "serial" and "grbl" is fixed,
-        upright by default.
-    real_time : bool
-        Take priority over other processes, if the system allows.
-    arguments : sequence of str
-        Further options of ``cutenv rig emulate``.
-
-    Raises
-    ------
-    RigError
-        If it is not ready in time, or ends before that.
+    ``seed``, ``specimen_class``: key of the specimen at the start; ``free_air``: none; ``angle_deg``: angle at which
+    the blade is fixed [degrees]; None: a second axis turns it; ``across``: axes across the cut that it has: "height",
+    "side"; ``kind``: name of the rig, of :data:`~cutenv.rig.config.settings.EMULATED`; the blade of "serial" and "grbl"
+    is fixed, upright by default; ``real_time``: take priority over other processes, if the system allows;
+    ``arguments``: further options of ``cutenv rig emulate``. Raise RigError if it is not ready in time, or ends before
+    that.
     """
     given = ["--seed", str(seed), "--specimen-class", specimen_class]
     given += ["--free-air"] if free_air else []

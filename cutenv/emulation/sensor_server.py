@@ -61,53 +61,26 @@ _PAGE = """<?xml version="1.0" encoding="UTF-8"?>
 
 @dataclass
 class SensorFaults:
-    """Faults of the sensor, effective at once.
+    """Faults of the sensor, effective at once."""
 
-    Attributes
-    ----------
-    frozen : bool
-        True to keep the counts constant, whatever the load; records go on.
-    frozen_axis : int
-        Index of the one force axis whose count stays constant (0, 1 or 2; -1: none).
-    status : int
-        Bits added to the status.
-    loss : float
-        Share of the records that are lost, drawn at random.
-    reorder : bool
-        True to let the next record overtake about every fourth one, drawn at random.
-    latency : float
-        Delay added to every record [s]; their order is kept, and delayed records are sent at once when it falls.
-    saturated : bool
-        True to set the forces to the end of the range, with the corresponding status.
-    silent : bool
-        True to send nothing, as if the cable were unplugged; the sequence goes on.
-    """
-
-    frozen: bool = False
-    frozen_axis: int = -1
-    status: int = 0
-    loss: float = 0.0
-    reorder: bool = False
+    frozen: bool = False  # True to keep the counts constant, whatever the load; records go on
+    frozen_axis: int = -1  # index of the one force axis whose count stays constant (0, 1 or 2; -1: none)
+    status: int = 0  # bits added to the status
+    loss: float = 0.0  # share of the records that are lost, drawn at random
+    reorder: bool = False  # True to let the next record overtake about every fourth one, drawn at random
+    # delay added to every record [s]; their order is kept, and delayed records are sent at once when it falls
     latency: float = 0.0
-    saturated: bool = False
-    silent: bool = False
+    saturated: bool = False  # True to set the forces to the end of the range, with the corresponding status
+    silent: bool = False  # True to send nothing, as if the cable were unplugged; the sequence goes on
 
 
 @dataclass(frozen=True, kw_only=True)
 class SensorPage:
-    """Configuration that a sensor shows on its page.
-
-    Attributes
-    ----------
-    counts_per_newton, counts_per_newton_metre : int
-        Scales.
-    rate : float
-        Rate of the records [Hz]; the caller of :meth:`SensorServer.send` has to keep it.
-    """
+    """Configuration that a sensor shows on its page."""
 
     counts_per_newton: int = 1_000_000
     counts_per_newton_metre: int = 1_000_000
-    rate: float = 1000.0
+    rate: float = 1000.0  # rate of the records [Hz]; the caller of :meth:`SensorServer.send` has to keep it
 
     def __post_init__(self) -> None:
         cure = "Choose fewer counts: a count has 32 bits."
@@ -121,31 +94,9 @@ class SensorServer:
 
     Obeys start (with count), stop, reset of the latch, and bias.
 
-    A real sensor serves one client; this one serves several at once, so that one can watch another.
-
-    Parameters
-    ----------
-    host : str
-        Address to listen on; by default reachable from this computer only.
-    port, page_port : int
-        Ports for UDP and HTTP; 0 takes free ones.
-    configuration : SensorPage, optional
-        Scales and rate.
-    clock : Clock, optional
-        Clock for the latency; the machine's by default.
-
-    Attributes
-    ----------
-    first_sequence : int
-        First sequence number of a stream, 1 by default.
-    generator : numpy.random.Generator
-        Source of chance for loss and reordering.
-    faults : SensorFaults
-        Faults, which may be changed at any time.
-    garbage : int
-        Number of packets that were not requests, and were ignored.
-    unsent : int
-        Number of records that the operating system did not accept.
+    A real sensor serves one client; this one serves several at once, so that one can watch another. By default ``host``
+    is reachable from this computer only; ``port``, ``page_port``: ports for UDP and HTTP; 0 takes free ones; ``clock``:
+    for the latency.
     """
 
     def __init__(
@@ -158,14 +109,14 @@ class SensorServer:
         clock: Clock | None = None,
     ) -> None:
         self.configuration = shows = configuration or SensorPage()
-        self.faults = SensorFaults()
-        self.garbage = 0
-        self.unsent = 0
+        self.faults = SensorFaults()  # faults, which may be changed at any time
+        self.garbage = 0  # number of packets that were not requests, and were ignored
+        self.unsent = 0  # number of records that the operating system did not accept
         self._scales = (shows.counts_per_newton,) * 3 + (shows.counts_per_newton_metre,) * 3
         ends = (_FORCE_RANGE,) * 3 + (_TORQUE_RANGE,) * 3
         self._most = tuple(int(end * scale) for end, scale in zip(ends, self._scales, strict=True))
-        self.first_sequence = 1
-        self.generator = np.random.default_rng(0)
+        self.first_sequence = 1  # first sequence number of a stream, 1 by default
+        self.generator = np.random.default_rng(0)  # source of chance for loss and reordering
         self._clock: Clock = SystemClock() if clock is None else clock
         self._lock = threading.Lock()
         self._streams: dict[Address, _Stream] = {}
@@ -358,18 +309,14 @@ def _page_server(sensor: SensorServer, host: str, port: int) -> http.server.Thre
     return server
 
 
-NOISE = 0.4
-"""Standard deviation of each channel's noise, in counts; assumed."""
+NOISE = 0.4  # standard deviation of each channel's noise, in counts; assumed
 _DIGITAL = ("status", "loss", "reorder")  # faults of a sensor that sends packets
 _NOISES = 4096
 _RATE = 1000.0  # [Hz] of the readings; the caller of send has to keep it
 
 
 class AnalogueFaults(SensorFaults):
-    """Faults of analogue wires and a board.
-
-    All of a sensor's but those of packets.
-    """
+    """Faults of analogue wires and a board. All of a sensor's but those of packets."""
 
     def __setattr__(self, name: str, value: Any) -> None:
         """Refuse a fault that wires cannot have."""
@@ -381,25 +328,7 @@ class AnalogueFaults(SensorFaults):
 class BoardServer:
     """Emulated board on this computer, of one sensor.
 
-    The newest client receives its stream.
-
-    Parameters
-    ----------
-    calibration : AnalogueCalibration
-        Sensor and converter.
-    host : str
-        Address to listen on.
-    port : int
-        TCP port; 0 takes a free one.
-
-    Attributes
-    ----------
-    faults : AnalogueFaults
-        Faults, which may be changed at any time.
-    unsent : int
-        Number of readings that the client was too slow to take.
-    page : str
-        Empty: a board shows no page.
+    The newest client receives its stream. ``port``: TCP port; 0 takes a free one.
     """
 
     page = ""
@@ -411,8 +340,8 @@ class BoardServer:
         host: str = "127.0.0.1",
         port: int = 0,
     ) -> None:
-        self.faults = AnalogueFaults()
-        self.unsent = 0
+        self.faults = AnalogueFaults()  # faults, which may be changed at any time
+        self.unsent = 0  # number of readings that the client was too slow to take
         self.calibration = calibration
         self._header = json.dumps({"bits": calibration.bits, "range_V": calibration.range, "rate_Hz": _RATE}) + "\n"
         self._volts_per_load = np.linalg.inv(calibration.matrix)

@@ -1,7 +1,4 @@
-"""Emulated rig on a serial line, and its faults.
-
-Each by name, with parameters, and functions that start and end it.
-"""
+"""Emulated rig on a serial line, and its faults."""
 
 from __future__ import annotations
 
@@ -131,55 +128,28 @@ GRBL_FAULTS: dict[str, InjectedFault] = {
 """Every fault of a rig with GRBL, by name; those of the machine's own line begin with "grbl"."""
 
 
+# load cell before its converter: noise as assumed of a cell for 50 N; the converter averages it
 CELL = SensorParameters(force_delay=0.0, force_noise=0.01, force_resolution=0.0)
-"""Load cell before its converter: noise as assumed of a cell for 50 N; the converter averages it."""
 _SPEED_OVER = 10  # ms over which the carriage's speed is taken: a step is 2.5 um
-SWITCHES = 0.002
-"""Distance beyond the ends of travel at which the limit switches open [m]."""
+SWITCHES = 0.002  # distance beyond the ends of travel at which the limit switches open [m]
 _FULL = 8_388_607  # counts of the converter's range
 
 
 @dataclass(frozen=True, kw_only=True)
 class SerialOptions:
-    """Construction of the emulated serial rig.
+    """Construction of the emulated serial rig."""
 
-    Attributes
-    ----------
-    angle : float
-        Angle at which the blade is fixed [rad].
-    motion : str
-        What moves the blade: a stepper on the "board" of the load cell, or a machine with "grbl".
-    converter : str
-        Converter of the load cell, of :data:`cutenv.emulation.firmware.CONVERTERS`.
-    clock_error : float
-        Relative error of the converter's own clock [1]: its readings come that much faster.
-    mounted : MountedSpecimen, optional
-        Specimen at the start; None: free air.
-    force_limit : float
-        True force whose crossing is recorded as an event [N].
-    zeroed : bool
-        True if a person has already set the blade's zero at the clamp.
-    sensor : SensorParameters
-        Load cell before its converter.
-    law : LawParameters
-        Cutting law, as in the simulator.
-    host : str
-        Address of the control port.
-    control_port : int
-        Control port; 0 takes a free one.
-    """
-
-    angle: float = math.pi / 2
-    motion: str = "board"
-    converter: str = "hx711"
-    clock_error: float = 0.0
-    mounted: MountedSpecimen | None = field(default_factory=MountedSpecimen)
-    force_limit: float = 15.0
-    zeroed: bool = True
-    sensor: SensorParameters = CELL
-    law: LawParameters = field(default_factory=LawParameters)
-    host: str = "127.0.0.1"
-    control_port: int = 0
+    angle: float = math.pi / 2  # angle at which the blade is fixed [rad]
+    motion: str = "board"  # what moves the blade: a stepper on the "board" of the load cell, or a machine with "grbl"
+    converter: str = "hx711"  # converter of the load cell, of :data:`cutenv.emulation.firmware.CONVERTERS`
+    clock_error: float = 0.0  # relative error of the converter's own clock [1]: its readings come that much faster
+    mounted: MountedSpecimen | None = field(default_factory=MountedSpecimen)  # specimen at the start; None: free air
+    force_limit: float = 15.0  # true force whose crossing is recorded as an event [N]
+    zeroed: bool = True  # True if a person has already set the blade's zero at the clamp
+    sensor: SensorParameters = CELL  # load cell before its converter
+    law: LawParameters = field(default_factory=LawParameters)  # cutting law, as in the simulator
+    host: str = "127.0.0.1"  # address of the control port
+    control_port: int = 0  # control port; 0 takes a free one
 
     def __post_init__(self) -> None:
         check_angle(self.angle)
@@ -192,39 +162,32 @@ class SerialOptions:
 class EmulatedSerialRig(EmulatedBench):
     """Emulated serial rig, whose board runs the sketch of ``assets/firmware``.
 
-    Attributes
-    ----------
-    board : Firmware
-        The board.
-    line : EmulatedLine
-        Its serial line; ``line.port`` is the port to open.
-    frozen, saturated, wire_off : bool
-        Faults of the load cell.
+    ``frozen``, ``saturated``, ``wire_off``: faults of the load cell.
     """
 
     faults: ClassVar[Mapping[str, InjectedFault]] = SERIAL_FAULTS
     stands_after = 10
 
     def __init__(self, options: SerialOptions | None = None) -> None:
-        self.options = options or SerialOptions()
-        super().__init__(EmulatedTissue(self.options.sensor, self.options.law), self.options.force_limit)
+        self.options = options = options or SerialOptions()
+        super().__init__(EmulatedTissue(options.sensor, options.law), options.force_limit)
         self._rates, self._axis = StepRates(SCREW, SCREW_STEPS), SCREW
         self._made = 0  # steps by boards before the last restart
-        self.board = Firmware(self.options.converter)
+        self.board = Firmware(options.converter)
         self.convert()
         self.frozen = self.saturated = self.wire_off = False
-        window = max(round(DELAYS[self.options.converter] / TICK), 1)
+        window = max(round(DELAYS[options.converter] / TICK), 1)
         self._readings: deque[float] = deque([0.0] * window, maxlen=window)
         self._positions: deque[float] = deque([0.0] * (_SPEED_OVER + 1), maxlen=_SPEED_OVER + 1)
         self._random = np.random.default_rng(0)
         self._flags, self._state = BoardFlag(0), BoardState.OFF
-        if self.options.zeroed:
+        if options.zeroed:
             self.board.feed(board_line("Z"))
             self.board.advance()
             self.board.drain()
-        if self.options.mounted is not None:
-            self.mount(self.options.mounted)
-        self.line = EmulatedLine()
+        if options.mounted is not None:
+            self.mount(options.mounted)
+        self.line = EmulatedLine()  # its serial line; ``line.port`` is the port to open
 
     def restart(self) -> None:
         """Restart the board, with the carriage where it is."""
@@ -330,20 +293,12 @@ class EmulatedSerialRig(EmulatedBench):
 
 
 class EmulatedGrblRig(EmulatedSerialRig):
-    """Emulated rig on two serial lines.
-
-    A machine with GRBL, and the board, whose motor pins are open.
-
-    Attributes
-    ----------
-    machine : EmulatedGrbl
-        The machine; ``machine.line.port`` is its port, ``line.port`` the board's.
-    """
+    """Emulated rig on two serial lines: a machine with GRBL, and the board."""
 
     faults: ClassVar[Mapping[str, InjectedFault]] = GRBL_FAULTS
 
     def __init__(self, options: SerialOptions | None = None) -> None:
-        self.machine = EmulatedGrbl()
+        self.machine = EmulatedGrbl()  # the machine; ``machine.line.port`` is its port, ``line.port`` the board's
         self._seen = 0, 0  # cancels, and ends of its jogs
         super().__init__(options or SerialOptions(motion="grbl"))
         if self.options.zeroed:

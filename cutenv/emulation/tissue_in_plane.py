@@ -1,7 +1,4 @@
-"""Tissue of an emulated or fake rig along a line.
-
-The law in the plane under a blade that two axes lead.
-"""
+"""Tissue of an emulated or fake rig along a line."""
 
 from __future__ import annotations
 
@@ -23,30 +20,15 @@ class TissueInPlane:
 
     The blade points where it is moved.
 
-    It turns by a radian in 2 mm of way at most (assumed), so that at rest the steps of encoders do not turn it.
-
-    Parameters
-    ----------
-    specimen : Specimen
-        The tissue to cut.
-    line : CutLine
-        Line along which its profiles lie; the blade stands at its start.
-    law : LawParameters, optional
-        Constants of the cutting law.
-    angle : float
-        Inclination of the blade at the start [rad].
-
-    Attributes
-    ----------
-    plant : SteeredPlant
-        The specimen, with what is hidden on a rig.
-    force, side_force : float
-        Force of the tissue on the blade back toward the clamp, and to the right, across the slab [N].
+    It turns by a radian in 2 mm of way at most (assumed), so that at rest the steps of encoders do not turn it. The
+    blade stands at the start of ``line``, with the inclination ``angle`` [rad]. ``force``, ``side_force``: force of the
+    tissue on the blade back toward the clamp, and to the right, across the slab [N].
     """
 
     def __init__(
         self, specimen: Specimen, line: CutLine, *, law: LawParameters | None = None, angle: float = math.pi / 2
     ) -> None:
+        # the specimen, with what is hidden on a rig
         self.plant = SteeredPlant(specimen, line, law=law, angle=measured(angle))
         self.force = self.side_force = 0.0
 

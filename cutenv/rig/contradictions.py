@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from cutenv._base.validation import one_of
 from cutenv.rig.config.file_schema import setting_text
-from cutenv.rig.config.settings import Axis, CrossAxis, HeightAxis, RigSettings
+from cutenv.rig.config.settings import Axis, CrossAxis, HeightAxis, Reach, RigSettings
 from cutenv.rig.devices.canopen.configuration import PRODUCER_PERIOD
 from cutenv.rig.devices.canopen.network import DRIVE_PATIENCE, INTERFACES, bus_arguments
 from cutenv.rig.devices.canopen.objects import AxisUnits
@@ -23,10 +23,8 @@ from cutenv.rig.plant import REST_WITHIN, TURN_RATE
 from cutenv.rig.safety.monitors import RISE_OVER
 from cutenv.rig.travel import RAISE_SPEED, SLOW_TURN
 
-AHEAD = 0.010
-"""Distance by which the blade is ahead of the tip in tissue [m]."""
-SHORTEST_TRAVEL = 0.015 + AHEAD
-"""Far end of travel that the shortest cut needs [m]."""
+AHEAD = 0.010  # distance by which the blade is ahead of the tip in tissue [m]
+SHORTEST_TRAVEL = 0.015 + AHEAD  # far end of travel that the shortest cut needs [m]
 _CLAMP_ROOM = 5e-4  # [m] before the clamp: a blade that returns to it overshoots by less
 _UPRIGHT_ROOM = math.radians(0.5)  # [rad] beyond 90 degrees, for the same reason
 _STOP_WITHIN = 0.25  # [s] allowed for a quick stop from the axis's top speed
@@ -45,27 +43,16 @@ Found = Iterator["Contradiction"]
 
 
 class Contradiction(NamedTuple):
-    """Keys that cannot be true together.
+    """Keys that cannot be true together."""
 
-    Attributes
-    ----------
-    keys : tuple of str
-        Section and field of each key, such as ``"limits.high"``.
-    why : str
-        Consequence, and cure.
-    """
-
-    keys: tuple[str, ...]
-    why: str
+    keys: tuple[str, ...]  # section and field of each key, such as ``"limits.high"``
+    why: str  # consequence, and cure
 
 
 def refuse_contradictions(settings: RigSettings) -> None:
     """Raise an error for a rig whose keys contradict each other.
 
-    Raises
-    ------
-    ValueError
-        If keys contradict each other; names every contradiction, with keys and values as in the file.
+    Raise ValueError if keys contradict each other; names every contradiction, with keys and values as in the file.
     """
     for role, driver in driven_roles(settings).items():
         traits_of(KIND_OF_ROLE[role], driver).check(settings, role)
@@ -83,7 +70,8 @@ def contradictions(settings: RigSettings) -> Found:
     yield from _nodes(settings)
     yield from _bus(settings)
     yield from _travel(settings)
-    yield from _speeds(settings)
+    for name, reach in settings.reaches.items():
+        yield from _straight(settings, name, reach)
     yield from _brakes(settings)
     yield from _forces(settings)
     yield from _turns(settings)
@@ -149,47 +137,45 @@ def _bus(settings: RigSettings) -> Found:
 
 
 def _travel(settings: RigSettings) -> Found:
-    limits, blade = settings.limits, settings.blade
+    limits = settings.limits
     if limits.low > -_CLAMP_ROOM:
         yield Contradiction(
             ("limits.low",), f"the clamp, where every cut begins, is at 0 mm: give {-1e3 * _CLAMP_ROOM:g} mm or less."
         )
     if limits.high < SHORTEST_TRAVEL:
         yield Contradiction(("limits.high",), f"the shortest cut needs {1e3 * SHORTEST_TRAVEL:g} mm.")
-    if blade.low > limits.low:
-        yield Contradiction(("blade.low", "limits.low"), _drive_first("Lower blade.low_mm, or raise the limit"))
-    if blade.high < limits.high:
-        yield Contradiction(("blade.high", "limits.high"), _drive_first("Raise blade.high_mm, or lower the limit"))
-    if blade.driver == "canopen" and blade.following_error < limits.following:
-        yield Contradiction(
-            ("blade.following_error", "limits.following"), _drive_first("Widen the drive's window, or lower the limit")
-        )
-    if limits.following < limits.speed * settings.bus.sync:
-        yield Contradiction(
-            ("limits.following", "limits.speed", "bus.sync"),
-            "the blade moves further than that between two samples. Allow more.",
-        )
-
-
-def _drive_first(cure: str) -> str:
-    return f"the drive would fall into a fault before the limit stops it. {cure}."
-
-
-def _speeds(settings: RigSettings) -> Found:
-    limits, blade = settings.limits, settings.blade
-    if limits.speed > blade.speed:
-        yield Contradiction(
-            ("limits.speed", "blade.speed"), "the drive goes no faster than its own speed; the limit must be within it."
-        )
     if limits.speed < RETURN_SPEED:
         yield Contradiction(
             ("limits.speed",), f"the blade returns to the clamp at {1e2 * RETURN_SPEED:g} cm/s. Allow that."
         )
-    if limits.acceleration < blade.acceleration:
-        yield Contradiction(
-            ("limits.acceleration", "blade.acceleration"),
-            "the drive accelerates beyond the limit by itself. Lower its own acceleration.",
-        )
+
+
+def _straight(settings: RigSettings, name: str, reach: Reach) -> Found:
+    """Yield contradictions between a straight axis's drive and its limits."""
+    axis, own = reach.axis, ("limits", "low", "high", "speed", "acceleration", "following")
+    if isinstance(axis, CrossAxis):
+        own = (name, *axis.ends, "fastest", "most_acceleration", "following")
+    low, high, speed, acceleration, following = (f"{own[0]}.{field}" for field in own[1:])
+    if axis.low > reach.low:
+        yield Contradiction((f"{name}.low", low), _drive_first(f"Lower {name}.low_mm, or raise the limit"))
+    if axis.high < reach.high:
+        yield Contradiction((f"{name}.high", high), _drive_first(f"Raise {name}.high_mm, or lower the limit"))
+    if axis.driver == "canopen" and axis.following_error < reach.following:
+        cure = "Widen the drive's window, or lower the limit"
+        yield Contradiction((f"{name}.following_error", following), _drive_first(cure))
+    if reach.following < reach.speed * settings.bus.sync:
+        why = "the blade moves further than that between two samples. Allow more."
+        yield Contradiction((following, speed, "bus.sync"), why)
+    if reach.speed > axis.speed:
+        why = "the drive goes no faster than its own speed; the limit must be within it."
+        yield Contradiction((speed, f"{name}.speed"), why)
+    if reach.acceleration < axis.acceleration:
+        why = "the drive accelerates beyond the limit by itself. Lower its own acceleration."
+        yield Contradiction((acceleration, f"{name}.acceleration"), why)
+
+
+def _drive_first(cure: str) -> str:
+    return f"the drive would fall into a fault before the limit stops it. {cure}."
 
 
 def _brakes(settings: RigSettings) -> Found:
@@ -284,33 +270,9 @@ def _across(settings: RigSettings, name: str, axis: CrossAxis) -> Found:
         yield Contradiction((lowest,), f"a cut begins at {name} 0: give {-1e3 * _CLAMP_ROOM:g} mm or less.")
     if high < _CLAMP_ROOM:
         yield Contradiction((highest,), f"a cut begins at {name} 0: give {1e3 * _CLAMP_ROOM:g} mm or more.")
-    if axis.low > low:
-        yield Contradiction((f"{name}.low", lowest), _drive_first(f"Lower {name}.low_mm, or raise the limit"))
-    if axis.high < high:
-        yield Contradiction((f"{name}.high", highest), _drive_first(f"Raise {name}.high_mm, or lower the limit"))
-    if axis.driver == "canopen" and axis.following_error < axis.following:
-        yield Contradiction(
-            (f"{name}.following_error", f"{name}.following"),
-            _drive_first("Widen the drive's window, or lower the limit"),
-        )
-    if axis.following < axis.fastest * settings.bus.sync:
-        yield Contradiction(
-            (f"{name}.following", f"{name}.fastest", "bus.sync"),
-            "the blade moves further than that between two samples. Allow more.",
-        )
-    if axis.fastest > axis.speed:
-        yield Contradiction(
-            (f"{name}.fastest", f"{name}.speed"),
-            "the drive goes no faster than its own speed; the limit must be within it.",
-        )
     if axis.fastest < RAISE_SPEED:
         yield Contradiction(
             (f"{name}.fastest",), f"between cuts the blade is moved at {1e2 * RAISE_SPEED:g} cm/s. Allow that."
-        )
-    if axis.most_acceleration < axis.acceleration:
-        yield Contradiction(
-            (f"{name}.most_acceleration", f"{name}.acceleration"),
-            "the drive accelerates beyond the limit by itself. Lower its own acceleration.",
         )
     if (resting := axis.fastest / axis.acceleration) > 0.5 * REST_WITHIN:
         yield Contradiction(

@@ -1,7 +1,4 @@
-"""Rig as a plant.
-
-It sends the policy's commands at a fixed rate, and returns the measurements at 1 kHz.
-"""
+"""Rig as a plant. It sends the policy's commands at a fixed rate, and returns the measurements at 1 kHz."""
 
 from __future__ import annotations
 
@@ -93,30 +90,9 @@ CHANNEL_READINGS: np.dtype[Any] = np.dtype([(name, "f8") for name in CHANNELS])
 class ReadingGrid:
     """Readings of a cut, one every millisecond from its start.
 
-    Parameters
-    ----------
-    settings : RigSettings
-        Axis and sign of the force, rates, the angle of a blade that no drive turns.
-    rate : float
-        Readings of the force sensor per second [Hz].
-    axes : iterable of str
-        Names of the driven axes.
-    heading : Heading
-        Direction of a blade that is also moved to the side: forces and speed of its readings are along this direction.
-
-    Attributes
-    ----------
-    start : float
-        Time of the rig's clock at which the cut's time is zero [s].
-    ticks : int
-        Number of readings collected since then.
-    newest : float
-        Time of the newest force that :meth:`collect` used [s].
-    channels : Records or None
-        :data:`CHANNEL_READINGS` for the last readings that :meth:`collect` returned; None for a rig that
-        has no axis across the cut and records the force along it alone.
-    line : CutLine or None
-        Line of which positions are arc lengths; None: they are those of the blade's axis.
+    ``rate``: readings of the force sensor per second [Hz]; ``heading``: direction of a blade that is also moved to the
+    side: forces and speed of its readings are along this direction. ``start``: time of the rig's clock at which the
+    cut's time is zero [s]; ``newest``: time of the newest force that :meth:`collect` used [s].
     """
 
     def __init__(self, settings: RigSettings, rate: float, axes: Iterable[str], heading: Heading) -> None:
@@ -126,10 +102,13 @@ class ReadingGrid:
         kept = round(_KEPT / settings.bus.sync)
         self._motions: dict[str, deque[MotionSample]] = {axis: deque(maxlen=kept) for axis in axes}
         self.start = self.newest = 0.0
-        self.ticks = 0
+        self.ticks = 0  # number of readings collected since then
         self._height, self._side, self._heading = settings.height, settings.side, heading
+        # line of which positions are arc lengths; None: they are those of the blade's axis
         self.line: CutLine | None = None
         more = settings.cross_axes or settings.sensor.components == "all"
+        # :data:`CHANNEL_READINGS` for the last readings that :meth:`collect` returned; None for a rig that has no axis
+        # across the cut and records the force along it alone
         self.channels = np.zeros(0, CHANNEL_READINGS) if more else None
 
     def force(self, sample: ForceSample) -> None:
@@ -212,73 +191,45 @@ class ReadingGrid:
 class Timing:
     """Timing of the control clock since the last :meth:`cutenv.rig.plant.RigPlant.begin`."""
 
-    periods: list[float] = field(default_factory=list)
-    """Times from command to command [s]."""
+    periods: list[float] = field(default_factory=list)  # times from command to command [s]
     latencies: list[float] = field(default_factory=list)
     """Times from the newest reading that a decision used to its command on the bus [s]."""
-    lateness: list[float] = field(default_factory=list)
-    """Delays of commands behind their due time [s]."""
-    overruns: int = 0
-    """Number of commands more than 2 ms late."""
-    skipped: float = 0.0
-    """Time lost to late commands, beyond whole periods [s]."""
-    garbled: int = 0
-    """Number of packets that were not readings."""
+    lateness: list[float] = field(default_factory=list)  # delays of commands behind their due time [s]
+    overruns: int = 0  # number of commands more than 2 ms late
+    skipped: float = 0.0  # time lost to late commands, beyond whole periods [s]
+    garbled: int = 0  # number of packets that were not readings
 
 
 _LATE = 0.002  # [s] after the end of a period, from which a command counts as an overrun
 _TURN_GAIN = 16.0  # [1/s] gain of the angle's position loop, closed at every SYNC
 _TURN_LAG = 0.040  # [s] lag of the hinge's own loop; this one looks ahead by it, to avoid overshoot
-TURN_RATE = math.radians(90.0)
-"""Greatest rate of turn during a cut, equal to the simulated rig's [rad/s]."""
+TURN_RATE = math.radians(90.0)  # greatest rate of turn during a cut, equal to the simulated rig's [rad/s]
 _APART = 1e-3  # [m] between places that are noted on the blade's way
-REST_WITHIN = 2.0
-"""Time allowed for a blade to come to rest after a stop [s]."""
+REST_WITHIN = 2.0  # time allowed for a blade to come to rest after a stop [s]
 
 
 class RigPlant(Travel):
     """A blade on a motor and a force sensor.
 
-    It is moved through a spine, which alone reaches them and stops the blade.
-
-    Parameters
-    ----------
-    spine : Spine or RemoteSpine
-        Drivers and safety of the rig: in this process, or in one of their own.
-    note : Path, optional
-        File in which the proof of the stop button is noted, for later programs of the same day.
-
-    Attributes
-    ----------
-    supervisor : Oversight
-        Safety of the rig, which has to be released before any motion.
-    keep : callable
-        Called with all readings as they are made, to store them on disk.
-    timing : Timing
-        Timing of the control clock.
-    heading : Heading
-        Direction in which a blade points that an axis moves to the side as well.
-    owner : Owner
-        Process that has opened the rig; no other may move it.
-    proven : str
-        Note of the last proof of the stop button on this connection; empty before the first.
-    zero : tuple of 3 float
-        Force at the last tare [N], relative to the sensor's own zero.
+    It is moved through a spine, which alone reaches them and stops the blade. ``note``: file in which the proof of the
+    stop button is noted, for later programs of the same day. ``proven``: note of the last proof of the stop button on
+    this connection; empty before the first.
     """
 
     def __init__(self, spine: Spine | RemoteSpine, note: Path | None = None) -> None:
         self.spine, self.settings, self.clock = spine, spine.settings, spine.clock
-        self.supervisor: Oversight = spine.supervisor
+        self.supervisor: Oversight = spine.supervisor  # safety of the rig, which has to be released before any motion
         self._turns = self.settings.angle is not None
         self.depth = np.zeros(N_POINTS)
+        # called with all readings as they are made, to store them on disk
         self.keep: Callable[[StructArray], None] = lambda readings: None
         self._witness: Observer | None = None
-        self.timing = Timing()
-        self.zero = (0.0, 0.0, 0.0)
+        self.timing = Timing()  # timing of the control clock
+        self.zero = (0.0, 0.0, 0.0)  # force at the last tare [N], relative to the sensor's own zero
         self.note, self.proven = note, ""
-        self.owner = Owner()
+        self.owner = Owner()  # process that has opened the rig; no other may move it
         self._left = False
-        self.heading = Heading()
+        self.heading = Heading()  # direction in which a blade points that an axis moves to the side as well
         self._grid = ReadingGrid(self.settings, spine.rate, self.settings.axes, self.heading)
         self._way: list[tuple[float, float]] = []  # [m] places of the blade since the clamp, some apart
         self._due: float | None = None
@@ -378,17 +329,10 @@ class RigPlant(Travel):
         """Command ``speed`` [m/s] and ``angle`` [rad] for ``ticks`` milliseconds; see :class:`~cutenv.sim.plant.Plant`.
 
         A rig with a height axis takes ``descent_speed`` [m/s], downwards, one with an axis to the side ``turn_rate``
-        [rad/s], to the left: ``speed`` is then in the direction of :attr:`heading`.  What these axes measure is in
-        :attr:`channels`.
-
-        Raises
-        ------
-        ValueError
-            If ``ticks`` is not a whole number from 1, or the rig has no axis for what is commanded.
-        RigError
-            If the rig is not released.
-        RigStopped
-            If the blade was stopped; it is then at rest, and the error holds the readings until that moment.
+        [rad/s], to the left: ``speed`` is then in the direction of :attr:`heading`. What these axes measure is in
+        :attr:`channels`. Raise ValueError if ``ticks`` is not a whole number from 1, or the rig has no axis for what is
+        commanded; RigError if the rig is not released; RigStopped if the blade was stopped; it is then at rest, and the
+        error holds the readings until that moment.
         """
         self.owner.check()
         if in_range("ticks", ticks, 1, 10**7, "1", "Give a whole number of milliseconds.") % 1.0:
@@ -549,13 +493,9 @@ def rig_plant(
     """Make a rig's plant, real or emulated, without connecting.
 
     Its spine has a process of its own, unless a ``clock`` is given: drivers and safety then run by it, in this process.
-    Beside the rig's ``file``, with the ending ``.proven``, the day is noted on which the stop button was proven.
-
-    Raises
-    ------
-    ValueError
-        In this process, if a driver that the rig's file names does not exist, or refuses its settings; otherwise
-        they are made, and refused, when it is opened.
+    Beside the rig's ``file``, with the ending ``.proven``, the day is noted on which the stop button was proven. In
+    this process, raise ValueError if a driver that the rig's file names does not exist, or refuses its settings;
+    otherwise they are made, and refused, when it is opened.
     """
     note = None if file is None else Path(file).with_suffix(".proven")
     return RigPlant(RemoteSpine(settings) if clock is None else mounted_spine(settings, clock), note)

@@ -60,35 +60,17 @@ _LOOK = 0.0005  # [s] between two looks for an answer through the memory
 class RemoteSpine:
     """Spine in a process of its own, with the interface of :class:`~cutenv.rig.spine.Spine`.
 
-    Parameters
-    ----------
-    settings : RigSettings
-        Settings of the rig.
-
-    Attributes
-    ----------
-    clock : SystemClock
-        Clock of the rig, the same in both processes; whoever waits by it has then received all samples until then.
-    supervisor : RemoteSupervisor
-        Safety of the rig.
-    rate : float
-        Readings of the force sensor per second, as in the file [Hz].
-    rate_error : float
-        Greatest relative error of that rate [1], once it is open.
-    counts_steps : bool
-        True if the blade's drive counts the steps that it sends, once it is open.
-    real_time : bool
-        True if the system lets it run before other processes, once it is open.
-    pid : int
-        Id of its process; 0 before it is opened.
+    ``clock``: clock of the rig, the same in both processes; whoever waits by it has then received all samples until
+    then; ``rate_error``: greatest relative error of that rate [1], once it is open; ``counts_steps``: True if the
+    blade's drive counts the steps that it sends, once it is open.
     """
 
     def __init__(self, settings: RigSettings) -> None:
         self.settings, self.clock = settings, _HearingClock(self.hear)
         self.rate, self.rate_error, self.counts_steps = settings.sensor.rate, 0.0, False
-        self.real_time = False
-        self.supervisor = RemoteSupervisor(self)
-        self.pid = 0
+        self.real_time = False  # True if the system lets it run before other processes, once it is open
+        self.supervisor = RemoteSupervisor(self)  # safety of the rig
+        self.pid = 0  # id of its process; 0 before it is opened
         self._axes = list(settings.axes)
         self._receiver: Receiver | None = None
         self._owner = Owner()
@@ -101,8 +83,7 @@ class RemoteSpine:
         self._closing = False
         self._taking_in, self._heard_at = False, 0.0
         self._why_ended = ""
-        self.lost: StopReport | None = None
-        """Report of the spine's own end, if it ended before it was closed."""
+        self.lost: StopReport | None = None  # report of the spine's own end, if it ended before it was closed
 
     @property
     def gone(self) -> bool:
@@ -110,13 +91,7 @@ class RemoteSpine:
         return self.lost is not None
 
     def open(self, receiver: Receiver) -> None:
-        """Start the process, and connect to drives and sensor; nothing moves.
-
-        Raises
-        ------
-        RigError, ValueError
-            If a device is missing or not as expected, or a driver refuses its settings; nothing stays open.
-        """
+        """Start the process, and connect to drives and sensor; nothing moves."""
         if os.name == "nt":
             raise RigError("a rig is moved from Linux or macOS: there its safety has a process of its own.")
         self._receiver, self._owner = receiver, Owner()
@@ -184,13 +159,7 @@ class RemoteSpine:
     # Calls and commands
 
     def call(self, name: str, *arguments: Any, **named: Any) -> Any:
-        """Have the spine do something that is named, and return its answer.
-
-        Raises
-        ------
-        RigError, ValueError
-            As it does; or if it has ended, or does not answer.
-        """
+        """Have the spine do something that is named, and return its answer."""
         self._owner.check()
         with self._calling:
             number = next(self._numbers)
@@ -355,10 +324,7 @@ class RemoteSpine:
 
 
 class _HearingClock(SystemClock):
-    """The machine's clock.
-
-    Whoever waits by it takes in what the spine has reported.
-    """
+    """The machine's clock. Whoever waits by it takes in what the spine has reported."""
 
     def __init__(self, hear: Callable[[], None]) -> None:
         super().__init__()
@@ -381,25 +347,15 @@ def _seen(name: str) -> Any:
 class RemoteSupervisor:
     """Safety of a rig whose spine has a process of its own; see :class:`cutenv.rig.safety.oversight.Oversight`.
 
-    Attributes
-    ----------
-    limited : int
-        Number of commands that were reduced to a limit since the last release.
-    newest : dict of str to MotionSample
-        Last sample of each axis that was received.
-    newest_force_heard : ForceSample or None
-        Last force reading that was received.
-    heard : int
-        Number of stops asked for that the spine has heard.
-    last_phase : Phase
-        Phase that the spine has reported last.
+    ``limited``: number of commands that were reduced to a limit since the last release; ``heard``: number of stops
+    asked for that the spine has heard; ``last_phase``: phase that the spine has reported last.
     """
 
     def __init__(self, spine: RemoteSpine) -> None:
         self.settings, self.limits = spine.settings, spine.settings.limits
         self.limited = self.heard = 0
-        self.newest: dict[str, MotionSample] = {}
-        self.newest_force_heard: ForceSample | None = None
+        self.newest: dict[str, MotionSample] = {}  # last sample of each axis that was received
+        self.newest_force_heard: ForceSample | None = None  # last force reading that was received
         self._spine = spine
         self.last_phase, self._report = Phase.UNREADY, None
 

@@ -26,8 +26,7 @@ from cutenv.rig.safety.supervisor import Supervisor
 
 _SAME_RATE = 0.02  # relative difference allowed between the sensor's rate and the file's
 _LOCKED_WITHIN = 0.5  # [s] for the last zero speed to be on the bus
-CLOSED_WITHIN = 8.0
-"""Time for a driver to close [s]: to bring its axis to rest, and to switch its power off."""
+CLOSED_WITHIN = 8.0  # time for a driver to close [s]: to bring its axis to rest, and to switch its power off
 _log = logging.getLogger(__name__)
 
 
@@ -45,30 +44,11 @@ class Receiver(Observer, Protocol):
 class Spine:
     """Drivers of a rig, under a :class:`~cutenv.rig.safety.supervisor.Supervisor`.
 
-    Parameters
-    ----------
-    settings : RigSettings
-        Settings of the rig.
-    clock : Clock
-        Clock of the rig.
-    axes : sequence of MotionDriver
-        Drivers of the blade, first, and of angle, height and side where it has them; without one of the angle it is set
-        by hand, and angle commands are ignored.
-    sensor : ForceDriver
-        Driver of the force sensor.
-    follows : bool
-        True if the blade follows commands; False for a replayed cut only.
-
-    Attributes
-    ----------
-    supervisor : Supervisor
-        Safety monitor; it has to be released before any motion.
-    timers : list of Repeating
-        Actions that the loop repeats: the watchdog, the repeated quick stops, the look at the parent process.
+    ``axes``: drivers of the blade, first, and of angle, height and side where it has them; without one of the angle it
+    is set by hand, and angle commands are ignored; ``follows``: False for a replayed cut only.
     """
 
-    gone = False
-    """False: it lives as long as this process."""
+    gone = False  # False: it lives as long as this process
 
     def __init__(
         self,
@@ -83,7 +63,9 @@ class Spine:
         self.axes, self.sensor = tuple(axes), sensor
         self._gain = settings.calibration.gain
         readings = ForceReadings(sensor.rate, sensor.rate_error, sensor.axes)
+        # safety monitor; it has to be released before any motion
         self.supervisor = Supervisor(settings, clock, self.axes, readings, follows=follows)
+        # actions that the loop repeats: the watchdog, the repeated quick stops, the look at the parent process
         self.timers: list[Repeating] = []
         self._receiver: Receiver | None = None
         self._parent = os.getppid()
@@ -92,12 +74,7 @@ class Spine:
         """Connect to drives and sensor; nothing moves.
 
         The drives come first: another program that uses the rig is noticed on their bus before its sensor is taken
-        away.
-
-        Raises
-        ------
-        RigError
-            If a device is missing or not as expected; none stays open.
+        away. Raise RigError if a device is missing or not as expected; none stays open.
         """
         self._receiver, self._parent = receiver, os.getppid()
         try:
@@ -172,13 +149,7 @@ class Spine:
         return isinstance(self.axes[0], ZeroedByHand)
 
     def set_zero(self) -> None:
-        """Take the blade's present position, without power, as zero: it stands at the clamp.
-
-        Raises
-        ------
-        RigError
-            If its drive keeps a zero of its own, or does not take it.
-        """
+        """Take the blade's present position, without power, as zero: it stands at the clamp."""
         blade = self.axes[0]
         if not isinstance(blade, ZeroedByHand):
             raise RigError(
@@ -266,13 +237,7 @@ def tare_readings(rate: float) -> int:
 
 
 def mounted_spine(settings: RigSettings, clock: Clock) -> Spine:
-    """Make the spine of a rig from the drivers that its file names, without connecting to it.
-
-    Raises
-    ------
-    ValueError
-        If a driver that its file names does not exist, or refuses its settings.
-    """
+    """Make the spine of a rig from the drivers that its file names, without connecting to it."""
     shared = dict[Any, Any]()
 
     def made(role: str) -> Any:

@@ -55,30 +55,16 @@ def ring_size(record: int, count: int) -> int:
 class Ring:
     """Ring of records in shared memory, for one process that writes and one that reads.
 
-    Several threads may write; of those that read, only one at a time.
-
-    Parameters
-    ----------
-    memory : mmap or bytearray
-        Memory, zero at first.
-    start : int
-        Place of the ring in it [bytes].
-    record : int
-        Greatest length of a record [bytes].
-    count : int
-        Number of records that it holds.
-
-    Attributes
-    ----------
-    lost : int
-        Number of records that were overwritten, or destroyed, before they were read.
+    Several threads may write; of those that read, only one at a time. ``memory``: memory, zero at first; ``start``:
+    place of the ring in it [bytes]; ``record``: greatest length of a record [bytes]; ``count``: number of records that
+    it holds.
     """
 
     def __init__(self, memory: mmap.mmap | bytearray, start: int, record: int, count: int) -> None:
         self._memory, self._start, self._record, self._count = memory, start, record + _HEAD.size, count
         self._numbers = itertools.count(1)  # next() is one step for all threads
         self._expected, self._far = 1, max(count // 256, 8)
-        self.lost = 0
+        self.lost = 0  # number of records that were overwritten, or destroyed, before they were read
 
     def put(self, record: bytes) -> None:
         """Write a record over the oldest one; raises ValueError if it is too long."""
@@ -125,12 +111,8 @@ _NO_COUNTS = (0,) * 6
 class SampleWriter:
     """Receiver that writes what drivers have reported into a ring.
 
-    Parameters
-    ----------
-    ring : Ring
-        Ring, of records as long as :attr:`RECORD`.
-    axes : sequence of str
-        Names of the axes, in the order in which the reader knows them.
+    ``ring``: ring, of records as long as :attr:`RECORD`; ``axes``: names of the axes, in the order in which the reader
+    knows them.
     """
 
     RECORD = _SAMPLE.size
@@ -177,21 +159,10 @@ def deliver(record: bytes, axes: Sequence[str], receiver: Receiver) -> None:
 class Link:
     """Shared memory of one rig, without a name.
 
-    Nothing of it is left when both processes have ended.
-
-    Parameters
-    ----------
-    file : int, optional
-        Descriptor of the memory that the other process has made; by default it is made.
-
-    Attributes
-    ----------
-    samples : Ring
-        What drivers have reported, from the spine: about ten seconds of it.
-    states : Ring
-        State of the rig as JSON, from the spine, whenever it has changed.
-    stops : Ring
-        Stops that the program asks for, as JSON.
+    Nothing of it is left when both processes have ended. ``file``: descriptor of the memory that the other process has
+    made; by default it is made. ``samples``: what drivers have reported, from the spine: about ten seconds of it;
+    ``states``: state of the rig as JSON, from the spine, whenever it has changed; ``stops``: stops that the program
+    asks for, as JSON.
     """
 
     def __init__(self, file: int | None = None) -> None:
@@ -226,22 +197,19 @@ def _memory_file(length: int) -> int:
     return file
 
 
+# command: its mark, number, the parent of the program, time, speed or rate, angle, hold, height, side [SI]
 COMMAND = struct.Struct("<c7xqq6d")
-"""Command: its mark, number, the parent of the program, time, speed or rate, angle, hold, height, side [SI]."""
-GO, TURN, DONE = b"D", b"T", b"O"
-"""Marks of a message's first byte; a call is pickled, and begins otherwise."""
-REPLY = struct.Struct("<c7xqd")
-"""Reply to a command: :data:`DONE`, its number, the angle to turn to [rad]."""
+GO, TURN, DONE = b"D", b"T", b"O"  # marks of a message's first byte; a call is pickled, and begins otherwise
+REPLY = struct.Struct("<c7xqd")  # reply to a command: :data:`DONE`, its number, the angle to turn to [rad]
 
 
 OF_SPINE = ("power", "switch_off", "set_zero", "drive_limits", "about", "tare")
 """Methods of :class:`~cutenv.rig.spine.Spine` that the program may call."""
 OF_SUPERVISOR = ("release", "lock", "lower", "reset")
 """Methods of :class:`~cutenv.rig.safety.supervisor.Supervisor` that it may call."""
-SEEN = ("latched", "beyond", "pressed", "relieving", "standing")
-"""Properties of the supervisor that it may read."""
+SEEN = ("latched", "beyond", "pressed", "relieving", "standing")  # properties of the supervisor that it may read
+# greatest time for which a command may be valid [s]; the blade goes on for so long without the program
 LONGEST_HOLD = 1.0
-"""Greatest time for which a command may be valid [s]; the blade goes on for so long without the program."""
 _DETAIL = 1200  # [bytes] of a detail that are written
 _LONGEST_MESSAGE = 1 << 16  # [bytes] of a command or call
 _WRITTEN_WITHIN = 0.5  # [s] for what was logged last to be written
@@ -252,14 +220,8 @@ _log = logging.getLogger(__name__)
 def serve_spine(line: int, memory: int, program: int) -> None:
     """Run the spine of one rig until the program at the other end closes it, or ends.
 
-    Parameters
-    ----------
-    line : int
-        Descriptor of the connection to the program, which sends the rig's settings first.
-    memory : int
-        Descriptor of the memory of a :class:`~cutenv.rig.spine_process.Link`.
-    program : int
-        Id of the program's process.
+    ``line``: descriptor of the connection to the program, which sends the rig's settings first; ``memory``: descriptor
+    of the memory of a :class:`~cutenv.rig.spine_process.Link`; ``program``: id of the program's process.
     """
     received, log = _hear_signals(), _log_apart()
     connection, link, clock = Connection(line), Link(memory), SystemClock()

@@ -40,23 +40,10 @@ _OPTIONAL = ("angle", "height", "side", "position_control", "camera")
 def read_rig_file(path: str | os.PathLike[str]) -> RigSettings:
     """Read a rig's file.
 
-    Parameters
-    ----------
-    path : path
-        File as ``cutenv rig init`` writes it.
-
-    Returns
-    -------
-    RigSettings
-        Settings in SI; keys missing in the file have their defaults.
-
-    Raises
-    ------
-    FileNotFoundError
-        If the file does not exist.
-    ValueError
-        If it is not TOML, or a key is unknown, missing, of a wrong type or out of range: names file, section and key,
-        in the file's own unit. Missing keys that only a person can supply are listed together.
+    ``path``: file as ``cutenv rig init`` writes it. Return settings in SI; keys missing in the file have their
+    defaults. Raise FileNotFoundError if the file does not exist; ValueError if it is not TOML, or a key is unknown,
+    missing, of a wrong type or out of range: names file, section and key, in the file's own unit. Missing keys that
+    only a person can supply are listed together.
     """
     path = Path(path)
     try:
@@ -74,23 +61,10 @@ def write_identified(path: str | os.PathLike[str], identified: Identified) -> No
     Comments, order and the rest of the file stay.
 
     Values that are None are removed: to keep earlier measurements, give ``dataclasses.replace(settings.identified,
-    ...)``. The file is replaced as a whole or not at all.
-
-    Parameters
-    ----------
-    path : path
-        Path of a valid rig file.
-    identified : Identified
-        Values in SI, rounded to meaningful digits.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        If the file cannot be read, see :func:`read_rig_file`, or the measured values are not valid in it.
-    ModuleNotFoundError
-        If tomlkit is not installed.
-    OSError
-        If the file cannot be written.
+    ...)``. The file is replaced as a whole or not at all. ``path``: path of a valid rig file; ``identified``: values in
+    SI, rounded to meaningful digits. Raise FileNotFoundError, ValueError if the file cannot be read, see
+    :func:`read_rig_file`, or the measured values are not valid in it; ModuleNotFoundError if tomlkit is not installed;
+    OSError if the file cannot be written.
     """
     values: dict[tuple[str, ...], Any] = {
         (IDENTIFIED.name, key.name): None if value is None else key.from_si(value) if key.kind is float else value
@@ -103,23 +77,10 @@ def write_identified(path: str | os.PathLike[str], identified: Identified) -> No
 def write_values(path: str | os.PathLike[str], values: Mapping[tuple[str, ...], Any]) -> None:
     """Replace values in a rig's file.
 
-    Comments, order and the rest of the file stay.
-
-    Parameters
-    ----------
-    path : path
-        Path of a valid rig file.
-    values : mapping of tuple of str
-        Values in the file's units, by the names that lead to each: ("calibration", "date"). None removes one.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        If the file cannot be read, or would not be valid with these values; it is then as before.
-    ModuleNotFoundError
-        If tomlkit is not installed.
-    OSError
-        If the file cannot be written.
+    Comments, order and the rest of the file stay. ``path``: path of a valid rig file; ``values``: values in the file's
+    units, by the names that lead to each: ("calibration", "date"). None removes one. Raise FileNotFoundError,
+    ValueError if the file cannot be read, or would not be valid with these values; it is then as before;
+    ModuleNotFoundError if tomlkit is not installed; OSError if the file cannot be written.
     """
     import tomlkit
 

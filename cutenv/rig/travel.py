@@ -15,32 +15,20 @@ from cutenv.rig.errors import RigError
 from cutenv.rig.safety.oversight import Oversight
 from cutenv.rig.safety.stop_causes import Cause, RigStopped, StopReport
 
-RAISE_SPEED = 0.005
-"""Speed at which the blade is moved across the cut outside of it [m/s]."""
-SLOW_TURN = math.radians(10.0)
-"""Rate of turn outside a cut [rad/s]."""
-AIMED = math.radians(0.05)
-"""Error below which the hinge is not moved [rad]."""
-SLICE = 0.02
-"""Time of waiting outside a cut, at a time [s]."""
+RAISE_SPEED = 0.005  # speed at which the blade is moved across the cut outside of it [m/s]
+SLOW_TURN = math.radians(10.0)  # rate of turn outside a cut [rad/s]
+AIMED = math.radians(0.05)  # error below which the hinge is not moved [rad]
+SLICE = 0.02  # time of waiting outside a cut, at a time [s]
+# validity of a command outside a cut [s]: a busy computer may be late, at 5 mm/s by a quarter of a millimetre
 VALID = 0.05
-"""Validity of a command outside a cut [s]: a busy computer may be late, at 5 mm/s by a quarter of a millimetre."""
 _ARRIVED = 2e-5  # [m] distance at which the blade has arrived
 _NEAR = 3e-4  # [m] distance at which it has passed a place on its way back
 
 
 class Travel(ABC):
-    """Part of a rig that moves its blade outside a cut.
+    """Part of a rig that moves its blade outside a cut."""
 
-    The blade waits and comes to rest as the whole rig does.
-
-    Attributes
-    ----------
-    settings, clock, supervisor, owner
-        As of :class:`~cutenv.rig.plant.RigPlant`.
-    """
-
-    settings: RigSettings
+    settings: RigSettings  # as of :class:`~cutenv.rig.plant.RigPlant`
     clock: Clock
     supervisor: Oversight
     owner: Owner
@@ -59,12 +47,8 @@ class Travel(ABC):
         """Move to ``position`` [m] within ``speed`` [m/s], outside a cut.
 
         It turns slowly to ``angle`` [rad]. The blade turns only on arrival, because on its way it may still be in
-        tissue.
-
-        Raises
-        ------
-        RigError, RigStopped
-            If the rig is not released, or the blade was stopped or does not arrive in time.
+        tissue. Raise RigError, RigStopped if the rig is not released, or the blade was stopped or does not arrive in
+        time.
         """
         held = self._angle_now()
         wanted = held if angle is None else angle
@@ -93,13 +77,9 @@ class Travel(ABC):
     def carry(self, axis: str, place: float, *, speed: float = RAISE_SPEED) -> None:
         """Move a cross axis to ``place`` [m] outside cuts.
 
-        It moves at no more than ``speed`` [m/s].
-
-        Raises
-        ------
-        RigError, RigStopped
-            If the rig is not released, or the blade was stopped or does not arrive in time. A blade that cannot be
-            raised, or not moved to the side, is a fault: it is stopped.
+        It moves at no more than ``speed`` [m/s]. Raise RigError, RigStopped if the rig is not released, or the blade
+        was stopped or does not arrive in time. A blade that cannot be raised, or not moved to the side, is a fault: it
+        is stopped.
         """
         fault = Cause.STUCK if axis != "height" else Cause.NOT_RAISED if place > self.height else None
         self._carry({axis: place}, speed=speed, fault=fault)

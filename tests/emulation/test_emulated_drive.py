@@ -169,12 +169,16 @@ def test_a_spring_too_stiff_for_its_steps_is_refused():
         Mechanics(stiffness=1e8)
 
 
+@pytest.fixture
+def drive() -> HandMovedDrive:
+    return HandMovedDrive()
+
+
 def abort(index: int, sub: int, code: int) -> bytes:
     return struct.pack("<BHBI", 0x80, index, sub, code)
 
 
-def test_it_says_boot_up_once_and_is_pre_operational_until_it_is_started():
-    drive = HandMovedDrive()
+def test_it_says_boot_up_once_and_is_pre_operational_until_it_is_started(drive):
     drive.wait(0.2)
     assert drive.sent(0x701) == [b"\x00"]
     drive.wrote(0x1017, 0, "H", 50)
@@ -188,16 +192,14 @@ def test_it_says_boot_up_once_and_is_pre_operational_until_it_is_started():
     assert drive.sent(0x701)[-1] == b"\x04"
 
 
-def test_heartbeats_come_at_the_period_that_is_written():
-    drive = HandMovedDrive()
+def test_heartbeats_come_at_the_period_that_is_written(drive):
     drive.wait(0.01)
     drive.wrote(0x1017, 0, "H", 50)
     drive.wait(1.0)
     assert len(drive.sent(0x701)) == 1 + 20
 
 
-def test_sdo_frames_are_those_of_the_standard():
-    drive = HandMovedDrive()
+def test_sdo_frames_are_those_of_the_standard(drive):
     drive.wait(0.002)
     assert drive.asked(bytes.fromhex("2B 40 60 00 06 00 00 00")) == bytes.fromhex("60 40 60 00 00 00 00 00")
     assert drive.asked(bytes.fromhex("22 40 60 00 07 00 00 00")) == bytes.fromhex("60 40 60 00 00 00 00 00")
@@ -209,8 +211,7 @@ def test_sdo_frames_are_those_of_the_standard():
     assert drive.asked(bytes.fromhex("60 00 00 00 00 00 00 00")) == b"\x05EPOS4\0\0"
 
 
-def test_a_segmented_download_writes_as_an_expedited_one():
-    drive = HandMovedDrive()
+def test_a_segmented_download_writes_as_an_expedited_one(drive):
     drive.wait(0.002)
     assert drive.asked(bytes.fromhex("21 83 60 00 04 00 00 00"))[0] == 0x60
     assert drive.asked(bytes.fromhex("07 90 33 00 00 00 00 00"))[0] == 0x20
@@ -231,14 +232,12 @@ def test_a_segmented_download_writes_as_an_expedited_one():
         (0x1A00, 1, "I", 0x60640020, 0x08000022),  # the PDO is in use
     ],
 )
-def test_a_bad_write_is_refused_with_the_code_of_the_standard(index, sub, form, value, code):
-    drive = HandMovedDrive()
+def test_a_bad_write_is_refused_with_the_code_of_the_standard(drive, index, sub, form, value, code):
     drive.wait(0.002)
     assert drive.write(index, sub, form, value) == abort(index, sub, code)
 
 
-def test_a_mapping_is_refused_where_an_object_cannot_stand_or_eight_bytes_do_not_do():
-    drive = HandMovedDrive()
+def test_a_mapping_is_refused_where_an_object_cannot_stand_or_eight_bytes_do_not_do(drive):
     drive.wait(0.002)
     drive.wrote(0x1800, 1, "I", 0x80000181)
     drive.wrote(0x1A00, 0, "B", 0)
@@ -248,8 +247,7 @@ def test_a_mapping_is_refused_where_an_object_cannot_stand_or_eight_bytes_do_not
     assert drive.write(0x1A00, 0, "B", 3) == abort(0x1A00, 0, 0x06040042)
 
 
-def test_what_a_pdo_carries_is_what_the_master_has_mapped():
-    drive = HandMovedDrive()
+def test_what_a_pdo_carries_is_what_the_master_has_mapped(drive):
     drive.wait(0.002)
     drive.map(0x1801, 0x1A01, 0x2AA, 2, (0x60610008, 0x10010008, 0x60410010))
     drive.put(0x000, b"\x01\x01")
@@ -259,8 +257,7 @@ def test_what_a_pdo_carries_is_what_the_master_has_mapped():
     assert not drive.sent(0x281)
 
 
-def test_an_empty_slot_of_a_pdo_carries_nothing():
-    drive = HandMovedDrive()
+def test_an_empty_slot_of_a_pdo_carries_nothing(drive):
     drive.wait(0.002)
     drive.map(0x1400, 0x1600, 0x201, 255, (0x60400010, 0))
     drive.put(0x000, b"\x01\x01")
@@ -343,8 +340,7 @@ def test_no_frame_brings_it_down(frames):
     assert drive.read(0x1000) == 0x00020192
 
 
-def test_extended_frames_are_not_for_it():
-    drive = HandMovedDrive()
+def test_extended_frames_are_not_for_it(drive):
     drive.wait(0.002)
     before = len(drive.frames)
     drive.node.receive(Frame(0x601, bytes.fromhex("4000100000000000"), extended=True), drive.now)
@@ -415,8 +411,7 @@ def test_a_lost_heartbeat_of_the_master_stops_the_blade():
     assert "heartbeat of the master lost" in drive.happened
 
 
-def test_a_heartbeat_that_never_came_is_not_missed():
-    drive = HandMovedDrive()
+def test_a_heartbeat_that_never_came_is_not_missed(drive):
     drive.wait(0.002)
     drive.wrote(0x1016, 1, "I", 0x007F0064)
     drive.wait(0.5, heartbeats=False)

@@ -6,6 +6,7 @@ import socket
 import struct
 import time
 from collections.abc import Iterator
+from contextlib import closing
 
 import pytest
 from hand_moved_drive import INCREMENT, SYNC, HandMovedDrive
@@ -368,13 +369,10 @@ def test_a_fault_of_the_hinge_leaves_the_blade_alone(rig):
 
 
 def test_a_rig_with_a_fixed_angle_has_no_hinge_to_fail():
-    rig = HandMovedRig(mounted=None, angle_mode="fixed", angle=1.0)
-    try:
+    with closing(HandMovedRig(mounted=None, angle_mode="fixed", angle=1.0)) as rig:
         assert rig.rig.angle == 1.0
         with pytest.raises(ValueError, match="axis must be one of 'blade'"):
             rig.rig.inject("bus_off", {"axis": "angle"})
-    finally:
-        rig.close()
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import closing
 
 import can
 import canopen
@@ -194,8 +195,7 @@ def test_the_crossing_of_the_force_that_is_watched_is_told(emulator):
 
 @pytest.mark.parametrize("way", ["shutdown", "terminate", "interrupt"])
 def test_it_ends_in_each_way_with_status_0(way):
-    running = start(real_time=False, free_air=True, angle_deg=60.0, arguments=["--fault", "bus_off@0"])
-    try:
+    with closing(start(real_time=False, free_air=True, angle_deg=60.0, arguments=["--fault", "bus_off@0"])) as running:
         assert running.settings.angle is None
         until(lambda: running.control.state()["faults"] == [{"fault": "bus_off", "axis": "blade"}])
         if way == "shutdown":
@@ -205,8 +205,6 @@ def test_it_ends_in_each_way_with_status_0(way):
         until(lambda: ended(running.pid))
         with pytest.raises(RigError, match=r"start it again|still running"):
             running.control.ask("state")
-    finally:
-        running.close()
     assert running.status == 0
     with pytest.raises(OSError, match="refused"):
         socket.create_connection(("127.0.0.1", running.settings.bus.port), timeout=1.0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -43,12 +44,9 @@ def flags(rig: EmulatedRig) -> list[str]:
 
 def test_the_tissue_answers_as_at_the_nearest_measured_angle(rig: EmulatedRig):
     beyond = placed(rig, 10.0, 0.004)
-    again = EmulatedRig(Options(range="thesis"))
-    try:
+    with closing(EmulatedRig(Options(range="thesis"))) as again:
         assert beyond == pytest.approx(placed(again, 45.0, 0.004), rel=1e-6)
         assert beyond > 0.1
-    finally:
-        again.close()
 
 
 def test_leaving_and_coming_back_are_noted(rig: EmulatedRig):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Callable
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -77,8 +78,7 @@ def test_a_specimen_is_laid_only_with_the_blade_at_height_0():
 def test_the_option_adds_a_third_node_with_its_own_dictionary_that_says_it_is_homed():
     assert _options(_parser().parse_args([])).cross_axes == {}
     options = _options(_parser().parse_args(["--height", "--free-air"]))
-    rig = EmulatedRig(options)
-    try:
+    with closing(EmulatedRig(options)) as rig:
         sent: list[Frame] = []
         rig.hub.send = sent.append
         assert [node.number for node in rig.nodes.values()] == [1, 2, 3]
@@ -92,8 +92,6 @@ def test_the_option_adds_a_third_node_with_its_own_dictionary_that_says_it_is_ho
         assert struct.unpack_from("<H", answer, 4)[0] & HOMED
         assert not rig.nodes["blade"].dictionary[0x6041] & HOMED
         assert abs(rig.axes["height"].increments()) * INCREMENT < 1e-6
-    finally:
-        rig.close()
 
 
 def test_the_sensor_gets_the_vertical_force_and_a_torque_by_its_arm():
@@ -117,19 +115,13 @@ def test_the_sensor_gets_the_vertical_force_and_a_torque_by_its_arm():
 
 def test_layers_are_laid_by_the_control_port_on_a_rig_with_the_axis_alone():
     asked = {"do": "specimen", "seed": 3, "layers": {"boundary": 0.01, "deep_toughness": 2.0}}
-    rig = EmulatedRig(Options(mounted=None, cross_axes=across("height")))
-    try:
+    with closing(EmulatedRig(Options(mounted=None, cross_axes=across("height")))) as rig:
         assert answered(rig, asked)["ok"]
         assert rig.bench.mounted.layers == Layers(boundary=0.01, deep_toughness=2.0)
         assert answered(rig, {"do": "truth"})["height_m"] == 0.0
-    finally:
-        rig.close()
-    rig = EmulatedRig(Options(mounted=None))
-    try:
+    with closing(EmulatedRig(Options(mounted=None))) as rig:
         assert "layers: this rig has no height axis" in answered(rig, asked)["error"]
         assert "height_m" not in answered(rig, {"do": "truth"})
-    finally:
-        rig.close()
 
 
 def test_steps_of_the_encoders_do_not_turn_a_blade_at_rest():

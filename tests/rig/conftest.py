@@ -6,10 +6,52 @@ import threading
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import pytest
+from made_ready import ready_rig
 
+from cutenv.emulation.fake_rig import FakeRig
 from cutenv.rig.config.settings import HEIGHT
+
+
+@pytest.fixture
+def rig() -> FakeRig:
+    """A fake rig with a specimen, released at the clamp."""
+    return ready_rig()
+
+
+@pytest.fixture
+def drive() -> Iterator[Any]:
+    """A made-up drive alone; what it needs is an extra, which not every test of a rig needs."""
+    from made_up_drive import MadeUpDrive
+
+    drive = MadeUpDrive()
+    yield drive
+    drive.close()
+
+
+@pytest.fixture
+def benches() -> Iterator[Any]:
+    from canopen_bench import kept_benches
+
+    yield from kept_benches()
+
+
+@pytest.fixture
+def bench(benches: Any) -> Any:
+    """A made-up drive and its axis, not open."""
+    return benches()
+
+
+@pytest.fixture
+def opened(bench: Any) -> None:
+    bench.axis.open(bench.ear)
+
+
+@pytest.fixture
+def ready(bench: Any) -> None:
+    bench.ready()
 
 
 @pytest.fixture(scope="module")

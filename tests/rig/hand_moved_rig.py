@@ -40,20 +40,13 @@ class Message(NamedTuple):
 
 
 class HandMovedNetwork(CanNetwork):
-    """The rig's own network but for its adapter.
-
-    Attributes
-    ----------
-    way : float
-        Of a frame from the drive to the rig [s]; it may change at any instant, frames keep their order.
-    lost : int
-        So many of the next frames of the rig do not get to the drive.
-    """
+    """The rig's own network but for its adapter."""
 
     def __init__(self, settings: Bus, clock: FakeClock) -> None:
         super().__init__(settings, clock)
+        # of a frame from the drive to the rig [s]; it may change at any instant, frames keep their order
         self.way = WAY
-        self.lost = 0
+        self.lost = 0  # so many of the next frames of the rig do not get to the drive
         self.sent: list[tuple[float, int, bytes]] = []
         self.to_drive: Callable[[Frame], None] = lambda frame: None
         self._coming: deque[tuple[float, Frame]] = deque()
@@ -123,13 +116,7 @@ class HandMovedSensor:
 
 
 class HandMovedRig:
-    """One axis, the blade's; ``node`` is its drive, ``axis`` its motor.
-
-    Attributes
-    ----------
-    enabled : list of float
-        When the drive got its power on [s].
-    """
+    """One axis, the blade's; ``node`` is its drive, ``axis`` its motor."""
 
     def __init__(self, **limits: Any) -> None:
         settings = fake_settings(angle_mode="fixed", angle=None, blade=Axis(low=-0.002, high=0.149))
@@ -145,7 +132,7 @@ class HandMovedRig:
         self.driver = CanopenAxis(self.network, self.settings.blade, self.clock)
         self.plant = RigPlant(Spine(self.settings, self.clock, [self.driver], HandMovedSensor(self.clock)))
         self.supervisor = self.plant.supervisor
-        self.enabled: list[float] = []
+        self.enabled: list[float] = []  # when the drive got its power on [s]
         self._was = self.node.state
         enter = self.node._enter
 

@@ -7,7 +7,6 @@ import math
 from typing import Any
 
 import pytest
-from made_ready import ready_rig
 
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.records import load_one
@@ -21,8 +20,7 @@ UPRIGHT = math.pi / 2
 
 
 @pytest.mark.parametrize("move", ["advance", "travel"])
-def test_a_stop_between_the_look_and_the_command_is_told_as_a_stop(move, monkeypatch):
-    rig = ready_rig()
+def test_a_stop_between_the_look_and_the_command_is_told_as_a_stop(rig, move, monkeypatch):
     rig.plant.advance(0.01, UPRIGHT, 20)
     drive = rig.plant.supervisor.drive
 
@@ -35,8 +33,7 @@ def test_a_stop_between_the_look_and_the_command_is_told_as_a_stop(move, monkeyp
         rig.plant.advance(0.01, UPRIGHT, 20) if move == "advance" else rig.plant.travel(0.0, speed=0.005)
 
 
-def test_a_stop_while_the_blade_is_brought_to_rest_ends_the_waiting(monkeypatch):
-    rig = ready_rig()
+def test_a_stop_while_the_blade_is_brought_to_rest_ends_the_waiting(rig, monkeypatch):
     for _ in range(20):
         rig.plant.advance(0.01, UPRIGHT, 20)
 
@@ -49,8 +46,7 @@ def test_a_stop_while_the_blade_is_brought_to_rest_ends_the_waiting(monkeypatch)
     assert rig.plant.supervisor.phase == "stopped"
 
 
-def test_who_sees_a_stop_sees_its_own_report():
-    rig = ready_rig()
+def test_who_sees_a_stop_sees_its_own_report(rig):
     supervisor = rig.plant.supervisor
     seen = []
     happens = supervisor._latch.happens

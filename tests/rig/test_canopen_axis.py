@@ -5,10 +5,8 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Iterator
 
 import pytest
-from canopen_bench import Bench, kept_benches
 from hypothesis import given
 from hypothesis import strategies as st
 from waiting import until
@@ -37,35 +35,22 @@ def units(axis: Axis, steps: int = 1000) -> AxisUnits | None:
         return None
 
 
-@given(AXES, st.floats(0.0, 1.0))
-def test_a_position_comes_back_to_half_an_increment(axis, share):
-    if (found := units(axis)) is not None:
-        position = axis.low + share * (axis.high - axis.low)
-        increment = abs(found.position(1))
-        assert abs(found.position(found.increments(position)) - position) <= 0.5000001 * increment
-        assert found.increments(found.position(12345)) == 12345
-
-
-@given(AXES, st.floats(-1.0, 1.0))
-def test_a_speed_comes_back_to_half_a_step(axis, share):
-    if (found := units(axis)) is not None:
-        speed = share * axis.speed
-        assert abs(found.speed(found.velocity(speed)) - speed) <= 0.5000001 * abs(found.speed(1))
-        assert found.velocity(-speed) == -found.velocity(speed)
-
-
-@given(AXES, st.floats(0.01, 10.0))
-def test_an_acceleration_comes_back_to_half_an_rpm_a_second(axis, acceleration):
-    if (found := units(axis)) is not None and found.ramp(acceleration) > 1:
-        step = found.acceleration(1)
-        assert abs(found.acceleration(found.ramp(acceleration)) - acceleration) <= 0.5000001 * step
-
-
-@given(AXES)
-def test_motion_away_from_the_clamp_counts_in_the_direction_of_the_settings(axis):
-    if (found := units(axis)) is not None:
-        assert math.copysign(1, found.velocity(axis.speed)) == axis.direction
-        assert found.increments(axis.high) * axis.direction > 0
+@given(AXES, st.floats(0.0, 1.0), st.floats(-1.0, 1.0), st.floats(0.01, 10.0))
+def test_positions_speeds_and_accelerations_come_back_to_half_a_step_in_the_direction_of_the_settings(
+    axis, share, fast, acceleration
+):
+    if (found := units(axis)) is None:
+        return
+    position, speed = axis.low + share * (axis.high - axis.low), fast * axis.speed
+    half = 0.5000001
+    assert abs(found.position(found.increments(position)) - position) <= half * abs(found.position(1))
+    assert found.increments(found.position(12345)) == 12345
+    assert abs(found.speed(found.velocity(speed)) - speed) <= half * abs(found.speed(1))
+    assert found.velocity(-speed) == -found.velocity(speed)
+    if found.ramp(acceleration) > 1:
+        assert abs(found.acceleration(found.ramp(acceleration)) - acceleration) <= half * found.acceleration(1)
+    assert math.copysign(1, found.velocity(axis.speed)) == axis.direction
+    assert found.increments(axis.high) * axis.direction > 0
 
 
 def test_the_thesis_screw_counts_as_by_hand():
@@ -96,20 +81,7 @@ def test_a_hinge_is_fine_in_milli_rpm():
     assert AxisUnits(axis=hinge, steps=1000).velocity(math.pi / 2) == 15_000
 
 
-@pytest.mark.parametrize("speed", [math.nan, -math.inf, 0.04, None])
-def test_a_speed_beyond_the_axis_or_none_is_refused(speed):
-    with pytest.raises((TypeError, ValueError), match="speed"):
-        AxisUnits(axis=Axis(), steps=1000).velocity(speed)
-
-
-@pytest.fixture
-def benches() -> Iterator[type[Bench]]:
-    yield from kept_benches()
-
-
-def test_samples_come_in_si_units_as_soon_as_it_is_open(benches):
-    bench = benches()
-    bench.axis.open(bench.ear)
+def test_samples_come_in_si_units_as_soon_as_it_is_open(bench, opened):
     bench.drive.position = 4096 * 22  # 22 turns of the motor are 5 of the screw, 10 mm
     until(lambda: bench.ear.samples and bench.ear.samples[-1].position > 0)
     sample = bench.ear.samples[-1]
@@ -120,16 +92,13 @@ def test_samples_come_in_si_units_as_soon_as_it_is_open(benches):
     assert abs(bench.axis.units.speed(1)) == pytest.approx(1e-3 / 132_000)
 
 
-def test_the_drives_heartbeat_is_told_again_and_again(benches):
-    bench = benches()
-    bench.axis.open(bench.ear)
+def test_the_drives_heartbeat_is_told_again_and_again(bench, opened):
     until(lambda: len(bench.ear.heartbeats) >= 4)
     assert bench.drive.value(0x1017, 0) == 50
     assert bench.ear.heartbeats == sorted(bench.ear.heartbeats)
 
 
-def test_a_command_turns_the_motor_and_the_speed_comes_back(benches):
-    bench = benches().ready()
+def test_a_command_turns_the_motor_and_the_speed_comes_back(bench, ready):
     bench.axis.command(0.010)
     assert bench.drive.frames()
     until(lambda: bench.ear.samples[-1].speed != 0.0)
@@ -147,8 +116,7 @@ def test_an_axis_mounted_the_other_way_round_turns_its_motor_backwards(benches):
     assert bench.axis.limits()["high"] == pytest.approx(0.149, rel=1e-6)
 
 
-def test_what_the_drive_keeps_is_told_as_limits(benches):
-    bench = benches().ready()
+def test_what_the_drive_keeps_is_told_as_limits(bench, ready):
     bench.drive.node.set_data(0x6085, 0, (264_000).to_bytes(4, "little"))
     limits = bench.axis.limits()
     assert limits["quick_stop"] == pytest.approx(2.0)
@@ -173,8 +141,7 @@ def test_another_drive_than_the_settings_describe_is_refused_by_what_was_found(b
     assert set(bench.drive.controlwords) <= {0}
 
 
-def test_a_node_that_does_not_answer_is_named_with_what_to_look_at(benches):
-    bench = benches()
+def test_a_node_that_does_not_answer_is_named_with_what_to_look_at(bench):
     bench.drive.mute = True
     with pytest.raises(RigError, match=r"node 1 does not answer on virtual .* terminated"):
         bench.axis.open(bench.ear)
@@ -182,8 +149,7 @@ def test_a_node_that_does_not_answer_is_named_with_what_to_look_at(benches):
     bench.axis.open(bench.ear)  # once it is there
 
 
-def test_a_drive_that_is_still_booting_is_waited_for(benches):
-    bench = benches()
+def test_a_drive_that_is_still_booting_is_waited_for(bench):
     bench.drive.mute = True
 
     def boot() -> None:
@@ -195,23 +161,20 @@ def test_a_drive_that_is_still_booting_is_waited_for(benches):
     booting.join()
 
 
-def test_an_object_that_the_drive_refuses_is_named_with_the_reason(benches):
-    bench = benches()
+def test_an_object_that_the_drive_refuses_is_named_with_the_reason(bench):
     bench.drive.refused[0x6085, 0] = 0x06090031
     with pytest.raises(RigError, match=r"0x6085:00 \(quick stop deceleration\).*Value of parameter written too high"):
         bench.axis.open(bench.ear)
 
 
-def test_an_object_that_the_drive_does_not_keep_is_named(benches):
-    bench = benches()
+def test_an_object_that_the_drive_does_not_keep_is_named(bench):
     bench.drive.kept[0x605A, 0] = 2
     with pytest.raises(RigError, match=r"keeps 2 .*0x605A:00 \(quick stop option\), where 6"):
         bench.axis.open(bench.ear)
 
 
 @pytest.mark.parametrize(("code", "steps"), [(0x00B44700, 1), (0xFFB44700, 10)])
-def test_a_drive_without_milli_rpm_is_told_speeds_in_what_it_counts(benches, code, steps):
-    bench = benches()
+def test_a_drive_without_milli_rpm_is_told_speeds_in_what_it_counts(bench, code, steps):
     bench.drive.refused[0x60A9, 0], bench.drive.kept[0x60A9, 0] = 0x06090030, code
     bench.ready().axis.command(0.010)
     until(lambda: bench.drive.velocity != 0)
@@ -219,15 +182,13 @@ def test_a_drive_without_milli_rpm_is_told_speeds_in_what_it_counts(benches, cod
     assert bench.drive.velocity == 1320 * steps
 
 
-def test_a_drive_that_counts_in_another_unit_than_revolutions_is_refused(benches):
-    bench = benches()
+def test_a_drive_that_counts_in_another_unit_than_revolutions_is_refused(bench):
     bench.drive.kept[0x60A9, 0] = 0x00010300  # metres a second
     with pytest.raises(RigError, match="not a revolution a minute"):
         bench.axis.open(bench.ear)
 
 
-def test_a_lost_drive_leaves_every_question_with_an_error_in_time(benches):
-    bench = benches().ready()
+def test_a_lost_drive_leaves_every_question_with_an_error_in_time(bench, ready):
     bench.drive.die()
     time.sleep(0.1)
     samples, beats = len(bench.ear.samples), len(bench.ear.heartbeats)
@@ -240,25 +201,21 @@ def test_a_lost_drive_leaves_every_question_with_an_error_in_time(benches):
     assert (samples, beats) == (len(bench.ear.samples), len(bench.ear.heartbeats))
 
 
-def test_a_drive_that_does_not_power_on_is_told_by_its_state(benches):
-    bench = benches()
-    bench.axis.open(bench.ear)
+def test_a_drive_that_does_not_power_on_is_told_by_its_state(bench, opened):
     bench.drive.never = 0x27
     with pytest.raises(RigError, match=r'does not leave "switched on" within .*safe torque off'):
         bench.axis.enable()
 
 
 @pytest.mark.parametrize("speed", [math.nan, math.inf, 0.0382, -1.0, None, "fast"])
-def test_a_speed_that_is_none_never_reaches_the_bus(benches, speed):
-    bench = benches().ready()
+def test_a_speed_that_is_none_never_reaches_the_bus(bench, ready, speed):
     sent = len(bench.drive.controlwords)
     with pytest.raises((TypeError, ValueError), match="speed"):
         bench.axis.command(speed)
     assert len(bench.drive.controlwords) == sent
 
 
-def test_it_is_not_commanded_before_it_is_enabled(benches):
-    bench = benches()
+def test_it_is_not_commanded_before_it_is_enabled(bench):
     with pytest.raises(RigError, match="before it is open"):
         bench.axis.command(0.01)
     bench.axis.open(bench.ear)
@@ -267,8 +224,6 @@ def test_it_is_not_commanded_before_it_is_enabled(benches):
     assert 0x0F not in bench.drive.controlwords
 
 
-def test_opening_twice_is_refused(benches):
-    bench = benches()
-    bench.axis.open(bench.ear)
+def test_opening_twice_is_refused(bench, opened):
     with pytest.raises(RigError, match="open already"):
         bench.axis.open(bench.ear)

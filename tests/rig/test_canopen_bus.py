@@ -24,18 +24,32 @@ from cutenv.rig.errors import RigError
 
 
 @pytest.fixture
-def drive() -> Iterator[MadeUpDrive]:
-    drive = MadeUpDrive()
-    yield drive
-    drive.close()
+def server() -> Iterator[socket.socket]:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield server
 
 
-def opened(drive: MadeUpDrive, ear: Ear) -> tuple[CanNetwork, CanopenAxis]:
-    network = CanNetwork(Bus(interface="virtual", channel=drive.channel), SystemClock())
+def gateway(server: socket.socket) -> Bus:
+    return Bus(interface="socketcand", channel="can0", port=server.getsockname()[1])
+
+
+@pytest.fixture
+def ear() -> Ear:
+    return Ear()
+
+
+@pytest.fixture
+def network(drive: MadeUpDrive) -> CanNetwork:
+    return CanNetwork(Bus(interface="virtual", channel=drive.channel), SystemClock())
+
+
+@pytest.fixture
+def axis(network: CanNetwork, ear: Ear) -> Iterator[CanopenAxis]:
     axis = CanopenAxis(network, Axis(), SystemClock())
     axis.open(ear)
     axis.enable()
-    return network, axis
+    yield axis
+    axis.close()
 
 
 @pytest.mark.parametrize(
@@ -106,17 +120,15 @@ def test_a_gateway_that_is_not_there_is_told_at_once_with_its_address():
     assert time.monotonic() - before < 8.0
 
 
-def test_something_else_at_the_gateways_port_is_told_by_what_it_says():
-    with socket.create_server(("127.0.0.1", 0)) as server:
+def test_something_else_at_the_gateways_port_is_told_by_what_it_says(server):
+    def serve() -> None:
+        connection, _ = server.accept()
+        connection.sendall(b"HTTP/1.1 400 Bad Request\r\n")
+        connection.close()
 
-        def serve() -> None:
-            connection, _ = server.accept()
-            connection.sendall(b"HTTP/1.1 400 Bad Request\r\n")
-            connection.close()
-
-        threading.Thread(target=serve, daemon=True).start()
-        with pytest.raises(RigError, match="is not a socketcand gateway: it sends b'HTTP"):
-            open_bus(Bus(interface="socketcand", channel="can0", port=server.getsockname()[1]))
+    threading.Thread(target=serve, daemon=True).start()
+    with pytest.raises(RigError, match="is not a socketcand gateway: it sends b'HTTP"):
+        open_bus(gateway(server))
 
 
 @pytest.mark.parametrize(("module", "interface"), [("can", "virtual"), ("serial", "slcan")])
@@ -141,9 +153,7 @@ def fail_to_send(*arguments: object, **keywords: object) -> None:
     raise can.CanOperationError("Transmit buffer full")
 
 
-def test_a_frame_that_cannot_be_sent_is_told_once_and_the_drive_is_left_to_stop_by_itself(drive):
-    ear = Ear()
-    network, axis = opened(drive, ear)
+def test_a_frame_that_cannot_be_sent_is_told_once_and_the_drive_is_left_to_stop_by_itself(drive, network, axis, ear):
     network._bus.send = fail_to_send
     until(lambda: ear.breaks)
     assert ear.breaks == [("blade", network.broken)]
@@ -163,27 +173,22 @@ def test_a_frame_that_cannot_be_sent_is_told_once_and_the_drive_is_left_to_stop_
     assert len(ear.breaks) == 1
 
 
-def test_who_meets_the_break_while_holding_a_lock_that_the_listener_needs_does_not_hang(drive):
-    lock = threading.Lock()
+def test_who_meets_the_break_while_holding_a_lock_that_the_listener_needs_does_not_hang(network, axis, ear):
+    lock, broken = threading.Lock(), ear.broken
 
-    class Locking(Ear):
-        def broken(self, axis: str, why: str, time: float) -> None:
-            if lock.acquire(timeout=2.0):  # else it would have waited for ever
-                super().broken(axis, why, time)
-                lock.release()
+    def locking(*what: object) -> None:
+        if lock.acquire(timeout=2.0):  # else it would have waited for ever
+            broken(*what)
+            lock.release()
 
-    ear = Locking()
-    network, axis = opened(drive, ear)
+    ear.broken = locking
     network._bus.send = fail_to_send
     with lock, pytest.raises(RigError):
         axis.command(0.01)
     until(lambda: ear.breaks)
-    axis.close()
 
 
-def test_a_bus_that_cannot_be_read_is_broken(drive):
-    ear = Ear()
-    network, axis = opened(drive, ear)
+def test_a_bus_that_cannot_be_read_is_broken(network, axis, ear):
 
     def fail(timeout: float) -> None:
         raise OSError("device gone")
@@ -191,24 +196,18 @@ def test_a_bus_that_cannot_be_read_is_broken(drive):
     network._bus.recv = fail
     until(lambda: ear.breaks)
     assert "device gone" in ear.breaks[0][1]
-    axis.close()
 
 
-def test_bus_off_is_found_out_by_its_error_frame(drive):
-    ear = Ear()
-    _, axis = opened(drive, ear)
+def test_bus_off_is_found_out_by_its_error_frame(drive, axis, ear):
     other = can.Bus(interface="virtual", channel=drive.channel)
     other.send(can.Message(arbitration_id=0x004, is_error_frame=True, data=bytes(8)))
     other.send(can.Message(arbitration_id=0x040, is_error_frame=True, data=bytes(8)))
     other.shutdown()
     until(lambda: ear.breaks)
     assert "bus-off" in ear.breaks[0][1]
-    axis.close()
 
 
-def test_a_sender_that_hangs_does_not_hang_the_others(drive):
-    ear = Ear()
-    network, axis = opened(drive, ear)
+def test_a_sender_that_hangs_does_not_hang_the_others(network, axis, ear):
     hanging = threading.Event()
     network._bus.send = lambda message, timeout: hanging.wait(10.0)
     until(lambda: network._sending.locked())  # SYNC
@@ -218,25 +217,18 @@ def test_a_sender_that_hangs_does_not_hang_the_others(drive):
     assert time.monotonic() - before < 2.0
     until(lambda: ear.breaks)
     hanging.set()
-    axis.close()
 
 
-def test_a_listener_that_fails_is_told_as_a_break_and_the_reader_goes_on(drive):
-    class Failing(Ear):
-        def motion(self, axis: str, sample: object) -> None:
-            self.samples.append(sample)
-            if len(self.samples) == 20:
-                raise KeyError("a bug")
+def test_a_listener_that_fails_is_told_as_a_break_and_the_reader_goes_on(axis, ear):
+    def fail(axis: str, sample: object) -> None:
+        raise KeyError("a bug")
 
-    ear = Failing()
-    _, axis = opened(drive, ear)
+    ear.motion = fail
     until(lambda: ear.breaks)
     assert "KeyError('a bug')" in ear.breaks[0][1]
-    axis.close()
 
 
-def test_two_axes_share_one_bus_that_the_last_one_closes(drive):
-    network = CanNetwork(Bus(interface="virtual", channel=drive.channel), SystemClock())
+def test_two_axes_share_one_bus_that_the_last_one_closes(network):
     blade = CanopenAxis(network, Axis(), SystemClock())
     angle = CanopenAxis(network, Axis(node=2), SystemClock(), name="angle")
     blade.open(Ear())
@@ -248,7 +240,7 @@ def test_two_axes_share_one_bus_that_the_last_one_closes(drive):
         network.send_message(0x080, b"")
 
 
-def served(server: socket.socket, *said: bytes) -> None:
+def served(server: socket.socket, *said: bytes, hangs_up: bool = False) -> None:
     """A gateway that greets with the first of ``said``, and answers what it is told with the others, in pieces."""
 
     def serve() -> None:
@@ -260,7 +252,7 @@ def served(server: socket.socket, *said: bytes) -> None:
                 for piece in text.split(b"|"):
                     connection.sendall(piece)
                     time.sleep(0.02)
-            while connection.recv(256):
+            while connection.recv(256) and not hangs_up:
                 pass
 
     threading.Thread(target=serve, daemon=True).start()
@@ -278,17 +270,16 @@ def served(server: socket.socket, *said: bytes) -> None:
         ((b"x" * 4000,), "not a socketcand gateway"),
     ],
 )
-def test_a_gateway_that_falls_silent_or_refuses_is_told_in_time(said, message):
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        served(server, *said)
-        settings = Bus(interface="socketcand", channel="can0", port=server.getsockname()[1])
-        told: list[str] = []
-        opening = threading.Thread(target=lambda: told.append(refusal(settings)), daemon=True)
-        opening.start()
-        opening.join(30.0)  # each wait has 2 s, and a busy host some more
-        assert told, "it hangs"
-        assert message in told[0]
-        assert f"127.0.0.1:{settings.port}" in told[0]
+def test_a_gateway_that_falls_silent_or_refuses_is_told_in_time(server, said, message):
+    served(server, *said)
+    settings = gateway(server)
+    told: list[str] = []
+    opening = threading.Thread(target=lambda: told.append(refusal(settings)), daemon=True)
+    opening.start()
+    opening.join(30.0)  # each wait has 2 s, and a busy host some more
+    assert told, "it hangs"
+    assert message in told[0]
+    assert f"127.0.0.1:{settings.port}" in told[0]
 
 
 def refusal(settings: Bus) -> str:
@@ -299,14 +290,13 @@ def refusal(settings: Bus) -> str:
     return "opened"
 
 
-def test_a_greeting_that_tcp_has_split_is_a_greeting():
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        served(server, b"< h|i >", b"<| ok >", b"< o|k >< fra|me 701 1.5 05 >")
-        bus = open_bus(Bus(interface="socketcand", channel="can0", port=server.getsockname()[1]))
-        message = bus.recv(5.0) or bus.recv(5.0)  # a piece may come alone
-        assert (message.arbitration_id, bytes(message.data), message.is_extended_id) == (0x701, b"\x05", False)
-        assert bus.recv(0.0) is None
-        bus.shutdown()
+def test_a_greeting_that_tcp_has_split_is_a_greeting(server):
+    served(server, b"< h|i >", b"<| ok >", b"< o|k >< fra|me 701 1.5 05 >")
+    bus = open_bus(gateway(server))
+    message = bus.recv(5.0) or bus.recv(5.0)  # a piece may come alone
+    assert (message.arbitration_id, bytes(message.data), message.is_extended_id) == (0x701, b"\x05", False)
+    assert bus.recv(0.0) is None
+    bus.shutdown()
 
 
 @pytest.mark.parametrize(
@@ -318,13 +308,12 @@ def test_a_greeting_that_tcp_has_split_is_a_greeting():
         (b"< error 1 >", "sends an invalid frame: '< error 1 >'"),
     ],
 )
-def test_a_frame_that_is_none_is_told_in_words(text, message):
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        served(server, b"< hi >", b"< ok >", b"< ok >" + text)
-        said = refusal_or_break(server.getsockname()[1])
-        assert message in said
-        for words in ("invalid literal", "codec", "Traceback", "Error("):
-            assert words not in said
+def test_a_frame_that_is_none_is_told_in_words(server, text, message):
+    served(server, b"< hi >", b"< ok >", b"< ok >" + text)
+    said = refusal_or_break(server.getsockname()[1])
+    assert message in said
+    for words in ("invalid literal", "codec", "Traceback", "Error("):
+        assert words not in said
 
 
 def refusal_or_break(port: int) -> str:
@@ -336,6 +325,9 @@ def refusal_or_break(port: int) -> str:
 
         def lost(self, why: str, time: float) -> None:
             told.append(why)
+
+        def overheard(self, number: int, data: bytes, time: float) -> None:
+            pass
 
     try:
         network.join(member := Member())
@@ -349,19 +341,18 @@ def refusal_or_break(port: int) -> str:
 @pytest.mark.parametrize(
     "text", [b"garbage", b"x" * 20_000, b"< state 1 >", b"\xff\xfe", b"< frame 181 1.5 000102030405060708 >"]
 )
-def test_what_is_no_message_is_left_out_and_what_follows_is_read(text):
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        served(server, b"< hi >", b"< ok >", b"< ok >" + text + b"|< frame 702 1.5 7F >")
-        bus = open_bus(Bus(interface="socketcand", channel="can0", port=server.getsockname()[1]))
-        heard: list[int] = []
+def test_what_is_no_message_is_left_out_and_what_follows_is_read(server, text):
+    served(server, b"< hi >", b"< ok >", b"< ok >" + text + b"|< frame 702 1.5 7F >")
+    bus = open_bus(gateway(server))
+    heard: list[int] = []
 
-        def read() -> bool:
-            if (message := bus.recv(0.1)) is not None:
-                heard.append(message.arbitration_id)
-            return 0x702 in heard
+    def read() -> bool:
+        if (message := bus.recv(0.1)) is not None:
+            heard.append(message.arbitration_id)
+        return 0x702 in heard
 
-        until(read)
-        bus.shutdown()
+    until(read)
+    bus.shutdown()
 
 
 @pytest.mark.parametrize(
@@ -373,10 +364,9 @@ def test_what_is_no_message_is_left_out_and_what_follows_is_read(text):
         (0x601, b"\x40\x00\x10\x00\0\0\0\0", "questions to node 1"),
     ],
 )
-def test_another_master_is_met_before_anything_is_sent(drive, number, data, message):
+def test_another_master_is_met_before_anything_is_sent(drive, network, number, data, message):
     other = can.Bus(interface="virtual", channel=drive.channel)
     task = other.send_periodic(can.Message(arbitration_id=number, data=data, is_extended_id=False), 0.02)
-    network = CanNetwork(Bus(interface="virtual", channel=drive.channel), SystemClock())
     axis = CanopenAxis(network, Axis(), SystemClock())
     time.sleep(0.1)
     drive.frames()
@@ -390,36 +380,7 @@ def test_another_master_is_met_before_anything_is_sent(drive, number, data, mess
     axis.close()
 
 
-def test_a_gateway_that_goes_away_is_found_out_by_the_next_frames():
-    """A socketcand gateway of a few lines, which hangs up."""
-    gone = threading.Event()
-    with socket.create_server(("127.0.0.1", 0)) as server:
-
-        def serve() -> None:
-            connection, _ = server.accept()
-            connection.sendall(b"< hi >")
-            for _ in range(2):
-                connection.recv(256)
-                connection.sendall(b"< ok >")
-            connection.recv(256)
-            connection.close()
-            gone.set()
-
-        threading.Thread(target=serve, daemon=True).start()
-        told: list[str] = []
-
-        class Member:
-            name, latch = "blade", Latch()
-
-            def lost(self, why: str, time: float) -> None:
-                told.append(why)
-
-            def overheard(self, number: int, data: bytes, time: float) -> None:
-                pass
-
-        network = CanNetwork(Bus(interface="socketcand", channel="can0", port=server.getsockname()[1]), SystemClock())
-        network.join(member := Member())
-        gone.wait(5.0)
-        until(lambda: told)
-        assert "has gone" in told[0] or "hung up" in told[0]
-        network.leave(member)
+def test_a_gateway_that_goes_away_is_found_out_by_the_next_frames(server):
+    served(server, b"< hi >", b"< ok >", b"< ok >", hangs_up=True)
+    said = refusal_or_break(server.getsockname()[1])
+    assert "has gone" in said or "hung up" in said

@@ -21,13 +21,6 @@ from cutenv.rig.errors import RigError
 
 
 @pytest.fixture
-def drive() -> Iterator[MadeUpDrive]:
-    drive = MadeUpDrive()
-    yield drive
-    drive.close()
-
-
-@pytest.fixture
 def ear() -> Ear:
     return Ear()
 

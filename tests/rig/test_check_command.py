@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from contextlib import closing
 from datetime import date
 from pathlib import Path
 
@@ -74,13 +75,8 @@ def test_a_drive_whose_zero_nobody_has_set_fails(monkeypatch: pytest.MonkeyPatch
 def test_what_is_wrong_fails_a_check_with_its_cure(fault: str, value: object, check: str) -> None:
     found = inspected(**{fault: value})
     assert check in failed(found)
-    assert any(line.split("  ")[0:1] and "FAIL" in line and check in line for line in lines(found))
-
-
-def test_a_failed_check_names_a_cure() -> None:
-    found = inspected(lose_every=2)
-    lost = next(check for check in found.checks if check.name == "force packets lost")
-    assert "cable" in lost.found
+    (line,) = (line for line in lines(found) if "FAIL" in line and check in line)
+    assert check != "force packets lost" or "cable" in line
 
 
 def test_the_inspection_is_json() -> None:
@@ -105,8 +101,7 @@ def test_a_rig_that_another_program_has_is_told_and_left_alone(
     with start(free_air=True) as emulator:
         settings = dataclasses.replace(emulator.settings, depth_profile=((0.0, 0.01), (0.15, 0.01)))
         file.write_text(to_toml(settings))
-        plant = rig_plant(settings)
-        try:
+        with closing(rig_plant(settings)) as plant:
             plant.open()
             plant.power()
             assert cli.main(["rig", "check", str(file)]) == 1  # of another process: each rig has its spine's
@@ -120,8 +115,6 @@ def test_a_rig_that_another_program_has_is_told_and_left_alone(
             # On a busy host a drive may have stopped by itself, for want of our heartbeat; nobody commanded it.
             report = plant.supervisor.report
             assert report is None or report.cause is not Cause.FOREIGN
-        finally:
-            plant.close()
         cli.main(["rig", "check", str(file)])
         alone = capsys.readouterr().out
         assert "ok   blade axis" in alone, alone  # else a busy host may have gaps in its streams

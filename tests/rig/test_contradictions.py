@@ -6,6 +6,7 @@ import dataclasses
 import functools
 import math
 from collections.abc import Iterator
+from contextlib import closing
 from datetime import date, timedelta
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,7 @@ from cutenv.emulation.fake_rig import FakeRig, FakeSensor
 from cutenv.emulation.process import RunningEmulator, start
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.rig.config.mounted_specimen import MountedSpecimen
-from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.config.settings import HEIGHT, RigSettings
 from cutenv.rig.contradictions import contradictions
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.session import RigSession, SpecimenKey
@@ -30,6 +31,7 @@ from cutenv.rig.toml_file import read_rig_file, to_toml
 from cutenv.sim.tissue.specimen import Specimen
 from scripts.validation.rig.cutting_rig import CuttingRig
 
+DESCENDS = dataclasses.replace(FREE, height=HEIGHT)
 ATTEMPTS = 8  # at half a second of cutting in which the host does not stall
 CONTRADICTORY: dict[str, tuple[RigSettings, dict[str, Any], tuple[str, ...]]] = {
     "blade and computer": (USUAL, {"blade.node": 127}, ("bus.node = 127", "blade.node = 127")),
@@ -71,6 +73,29 @@ CONTRADICTORY: dict[str, tuple[RigSettings, dict[str, Any], tuple[str, ...]]] = 
     "no such channel": (USUAL, {"bus.interface": "kvaser"}, ("bus.interface = 'kvaser'", "bus.channel = 'can0'")),
     "checked tomorrow": (USUAL, {"calibration.date": "2999-01-01"}, ("calibration.date = 2999-01-01",)),
 }  # fmt: skip
+OF_HEIGHT: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
+    "node of the blade": ({"node": 1}, ("blade.node = 1", "height.node = 1")),
+    "node of the hinge": ({"node": 2}, ("angle.node = 2", "height.node = 2")),
+    "a cut cannot begin": ({"lowest": 0.0}, ("height.lowest_mm = 0",)),
+    "raised beyond its end": ({"raised": 0.025}, ("height.raised_mm = 25", "height.highest_mm = 25")),
+    "raised by nothing": ({"raised": 0.0}, ("height.raised_mm = 0",)),
+    "the drive's lower end first": ({"low": -0.01}, ("height.low_mm = -10", "height.lowest_mm = -20")),
+    "the drive's upper end first": ({"high": 0.02}, ("height.high_mm = 20", "height.highest_mm = 25")),
+    "the drive's window": ({"following": 0.003}, ("height.following_error_mm = 2", "height.following_mm = 3")),
+    "following within a SYNC": ({"following": 1e-5}, ("height.following_mm = 0.01", "bus.sync_ms = 5")),
+    "faster than the drive": ({"fastest": 0.05}, ("height.fastest_cm_s = 5", "height.speed_cm_s = 3.81")),
+    "too slow to be raised": ({"fastest": 0.001}, ("height.fastest_cm_s = 0.1",)),
+    "jerks": ({"acceleration": 2.0, "quick_stop": 3.0}, ("height.most_acceleration_m_s2 = 1",)),
+    "a slow stop": ({"quick_stop": 0.11}, ("height.quick_stop_m_s2 = 0.11", "height.speed_cm_s = 3.81")),
+    "rest takes long": ({"acceleration": 0.009, "quick_stop": 1.0}, ("height.acceleration_m_s2 = 0.009",)),
+    "never counts": ({"vertical_force": 15.5}, ("height.vertical_force_N = 15.5", "limits.force_N = 15")),
+    "one axis for two": ({"force_axis": "x"}, ("height.force_axis = 'x'", "sensor.cut_axis = 'x'")),
+    "a coarse encoder": ({"pulses": 1, "gear": 1.0, "lead": 0.01}, ("height.pulses = 1",)),
+}
+CONTRADICTORY |= {
+    f"height, {name}": (DESCENDS, {f"height.{field}": value for field, value in changes.items()}, keys)
+    for name, (changes, keys) in OF_HEIGHT.items()
+}
 
 
 def changed(settings: RigSettings, changes: dict[str, Any]) -> RigSettings:
@@ -121,13 +146,10 @@ def test_a_lower_norm_lowers_the_force_of_an_axis_with_it() -> None:
 
 
 def test_a_cut_beyond_the_travel_is_refused_before_anything_moves() -> None:
-    env = RigCutEnv(rig="fake", target_length=0.08, lower_limits={"high": 0.085})
-    try:
+    with closing(RigCutEnv(rig="fake", target_length=0.08, lower_limits={"high": 0.085})) as env:
         with pytest.raises(ValueError, match=r"target_length = 0\.08 m: .* limits\.high_mm = 85\. .* 0\.075 m or less"):
             env.reset(seed=1)
         env.reset(seed=1, options={"target_length": 0.075})
-    finally:
-        env.close()
 
 
 def cut_on_a_fake(settings: RigSettings) -> None:
@@ -183,14 +205,11 @@ def test_what_is_accepted_can_be_cut_with_on_the_emulator(tmp_path: Path, name: 
     file = tmp_path / "rig.toml"
     settings = dataclasses.replace(emulator.settings, depth_profile=USUAL.depth_profile)
     file.write_text(to_toml(changed(settings, AT_THE_EDGE[name])))
-    rig = CuttingRig(read_rig_file(file), emulator.control)
-    try:
+    with closing(CuttingRig(read_rig_file(file), emulator.control)) as rig:
         for attempt in range(ATTEMPTS):
             rig.begin(attempt)
             report = rig.cut(0.5)
             if report is None:
                 return
             assert rig.host.stalls, report  # a busy host may stop it, and nothing else
-    finally:
-        rig.close()
     pytest.fail(f"{ATTEMPTS} times the host stalled: {report}")

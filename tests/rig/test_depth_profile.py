@@ -5,18 +5,17 @@ from __future__ import annotations
 import dataclasses
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from made_up_settings import FREE, USUAL, with_value
+from made_up_settings import FREE, USUAL
 from scripted_operator import ScriptedOperator
 
 from cutenv.rig.config.mounted_specimen import measured_depth
 from cutenv.rig.config.settings import HEIGHT, HeightAxis, RigSettings, SafetyLimits
-from cutenv.rig.contradictions import contradictions, refuse_contradictions
+from cutenv.rig.contradictions import contradictions
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.session import SpecimenKey, SpecimensByHand
 from cutenv.rig.toml_file import read_rig_file, template, to_toml
@@ -115,13 +114,6 @@ def test_the_commented_section_is_read_when_its_comment_marks_are_taken_off(tmp_
     assert read_rig_file(tmp_path / "rig.toml").height == HeightAxis()
 
 
-def test_only_a_person_knows_its_mechanics_and_ends(tmp_path: Path) -> None:
-    (tmp_path / "rig.toml").write_text(to_toml(USUAL) + "\n[height]\n")
-    listed = r"height\.node, height\.gear, height\.lead_mm, height\.pulses, height\.low_mm, height\.high_mm\."
-    with pytest.raises(ValueError, match=f"only a person can supply {listed}"):
-        read_rig_file(tmp_path / "rig.toml")
-
-
 @pytest.mark.parametrize(
     ("line", "message"),
     [
@@ -146,39 +138,6 @@ def test_a_wrong_value_is_refused_by_file_section_and_key(tmp_path: Path, line: 
     with pytest.raises(ValueError, match=message) as caught:
         read_rig_file(tmp_path / "rig.toml")
     assert "height" in str(caught.value)
-
-
-CONTRADICTORY: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
-    "node of the blade": ({"node": 1}, ("blade.node = 1", "height.node = 1")),
-    "node of the hinge": ({"node": 2}, ("angle.node = 2", "height.node = 2")),
-    "a cut cannot begin": ({"lowest": 0.0}, ("height.lowest_mm = 0",)),
-    "raised beyond its end": ({"raised": 0.025}, ("height.raised_mm = 25", "height.highest_mm = 25")),
-    "raised by nothing": ({"raised": 0.0}, ("height.raised_mm = 0",)),
-    "the drive's lower end first": ({"low": -0.01}, ("height.low_mm = -10", "height.lowest_mm = -20")),
-    "the drive's upper end first": ({"high": 0.02}, ("height.high_mm = 20", "height.highest_mm = 25")),
-    "the drive's window": ({"following": 0.003}, ("height.following_error_mm = 2", "height.following_mm = 3")),
-    "following within a SYNC": ({"following": 1e-5}, ("height.following_mm = 0.01", "bus.sync_ms = 5")),
-    "faster than the drive": ({"fastest": 0.05}, ("height.fastest_cm_s = 5", "height.speed_cm_s = 3.81")),
-    "too slow to be raised": ({"fastest": 0.001}, ("height.fastest_cm_s = 0.1",)),
-    "jerks": ({"acceleration": 2.0, "quick_stop": 3.0}, ("height.most_acceleration_m_s2 = 1",)),
-    "a slow stop": ({"quick_stop": 0.11}, ("height.quick_stop_m_s2 = 0.11", "height.speed_cm_s = 3.81")),
-    "rest takes long": ({"acceleration": 0.009, "quick_stop": 1.0}, ("height.acceleration_m_s2 = 0.009",)),
-    "never counts": ({"vertical_force": 15.5}, ("height.vertical_force_N = 15.5", "limits.force_N = 15")),
-    "one axis for two": ({"force_axis": "x"}, ("height.force_axis = 'x'", "sensor.cut_axis = 'x'")),
-    "a coarse encoder": ({"pulses": 1, "gear": 1.0, "lead": 0.01}, ("height.pulses = 1",)),
-}
-
-
-@pytest.mark.parametrize("name", CONTRADICTORY)
-def test_keys_that_contradict_each_other_are_named_with_their_values(name: str) -> None:
-    changes, named = CONTRADICTORY[name]
-    settings = DESCENDS
-    for field, value in changes.items():
-        settings = with_value(settings, "height", field, value)
-    with pytest.raises(ValueError, match="height") as caught:
-        refuse_contradictions(settings)
-    for each in named:
-        assert each in str(caught.value)
 
 
 def test_the_usual_axis_contradicts_nothing() -> None:

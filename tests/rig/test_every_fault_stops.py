@@ -199,9 +199,8 @@ def test_anywhere_in_a_cut(name):
 
 
 @pytest.mark.parametrize("name", FAULTS)
-def test_a_supervisor_that_looks_away_fails_the_check(name):
+def test_a_supervisor_that_looks_away_fails_the_check(rig, name):
     """The sibling: with nobody watching, the same faults go on for seconds."""
-    rig = ready_rig()
     cut_until(rig, rig.clock.now() + 0.3, 0.01)
     rig.plant.supervisor.trip = lambda *arguments, **named: None
     FAULTS[name][0](rig)

@@ -10,7 +10,6 @@ import time
 from pathlib import Path
 
 import pytest
-from made_ready import ready_rig
 
 from cutenv.rig.safety.oversight import guarded
 from cutenv.rig.safety.stop_causes import Cause, RigStopped
@@ -63,8 +62,7 @@ def test_a_signal_stops_the_blade_before_the_program_ends(number):
     assert sorted(out.splitlines()) == ["met interrupted", f"stopped interrupted {number.name}"], err
 
 
-def test_a_signal_that_meets_a_rig_locked_this_very_moment_ends_the_program_all_the_same():
-    rig = ready_rig()
+def test_a_signal_that_meets_a_rig_locked_this_very_moment_ends_the_program_all_the_same(rig):
     supervisor = rig.plant.supervisor
     trip = supervisor.trip
 
@@ -126,8 +124,7 @@ def test_a_program_that_ends_without_closing_its_rig_stops_the_blade_and_ends():
 
 
 @pytest.mark.promise("S9")
-def test_an_exception_stops_the_blade_and_goes_on():
-    rig = ready_rig()
+def test_an_exception_stops_the_blade_and_goes_on(rig):
     rig.plant.advance(0.01, UPRIGHT, 200)
     with pytest.raises(ZeroDivisionError), guarded(rig.plant.supervisor):
         _ = 1 / 0
@@ -137,38 +134,22 @@ def test_an_exception_stops_the_blade_and_goes_on():
         rig.plant.advance(0.01, UPRIGHT, 20)
 
 
-def test_a_signal_while_nothing_may_move_ends_the_program_at_once():
-    rig = ready_rig()
+def test_a_signal_while_nothing_may_move_ends_the_program_at_once(rig):
     rig.plant.supervisor.lock()
     with pytest.raises(KeyboardInterrupt), guarded(rig.plant.supervisor):
         signal.raise_signal(signal.SIGINT)
     assert rig.plant.supervisor.report is None
 
 
-def test_handlers_are_put_back():
-    rig = ready_rig()
+def test_handlers_are_put_back(rig):
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     with guarded(rig.plant.supervisor):
         assert signal.getsignal(signal.SIGTERM) is not before[signal.SIGTERM]
     assert {number: signal.getsignal(number) for number in before} == before
 
 
-def test_a_watchdog_that_fails_stops_the_blade():
-    rig = ready_rig()
+def test_a_watchdog_that_fails_stops_the_blade(rig):
     rig.plant.advance(0.01, UPRIGHT, 200)
     rig.plant.supervisor._alive = None
     with pytest.raises(RigStopped, match="the watchdog failed"):
         rig.plant.advance(0.01, UPRIGHT, 200)
-
-
-def test_an_axis_whose_quick_stop_fails_does_not_spare_the_other():
-    rig = ready_rig()
-    rig.plant.advance(0.01, UPRIGHT, 200)
-
-    def fail(**named: bool) -> None:
-        raise OSError("cable cut")
-
-    rig.blade.quick_stop = fail
-    rig.plant.supervisor.trip(Cause.OPERATOR, "the button")
-    assert "blade: cable cut" in rig.plant.supervisor.report.detail
-    assert rig.angle.sent[-1][1] == "quick stop"

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from collections.abc import Callable
+from contextlib import closing
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -26,7 +28,6 @@ from cutenv.records.measurement.sensor_noise import longest_still, sensor_at_res
 from cutenv.rig.config.identified import SIMULATED, environment_arguments
 from cutenv.rig.config.settings import Identified, RigSettings, SafetyLimits, SensorCalibration
 from cutenv.rig.errors import RigError
-from cutenv.rig.operation.recorder import Stretch
 from cutenv.rig.operation.suitability import simulator_keywords, top_speed
 from cutenv.rig.toml_file import to_toml
 from cutenv.sim.cutting.drive import Rig
@@ -47,23 +48,22 @@ def value(found: Identification, name: str) -> float:
     return told
 
 
-def check_lag(found: Identification, truth: Rig) -> None:
-    assert value(found, "motor_lag") == pytest.approx(truth.motor_lag, rel=0.05, abs=0.002)
+WITHIN = {
+    "motor_lag": {"rel": 0.05, "abs": 0.002},
+    "dead_time": {"abs": 0.002},
+    "acceleration": {"rel": 0.05},
+    "backlash": {"rel": 0.1, "abs": 20e-6},
+}
+"""How near each constant is found."""
 
 
-def check_dead_time(found: Identification, truth: Rig) -> None:
-    assert value(found, "dead_time") == pytest.approx(truth.dead_time, abs=0.002)
+def check(found: Identification, truth: Rig, name: str) -> None:
+    if name == "sines":
+        return check_sines(found)
+    assert value(found, name) == pytest.approx(getattr(truth, name), **WITHIN[name])
 
 
-def check_acceleration(found: Identification, truth: Rig) -> None:
-    assert value(found, "acceleration") == pytest.approx(truth.acceleration, rel=0.05)
-
-
-def check_backlash(found: Identification, truth: Rig) -> None:
-    assert value(found, "backlash") == pytest.approx(truth.backlash, rel=0.1, abs=20e-6)
-
-
-def check_sines(found: Identification, truth: Rig) -> None:
+def check_sines(found: Identification) -> None:
     for each in found.checks:
         assert each.gain_error == pytest.approx(0.0, abs=0.02)
         assert each.phase_error == pytest.approx(0.0, abs=0.02)
@@ -85,10 +85,8 @@ def rightly_identified(name: str) -> Any:
 def test_an_axis_is_found_as_it_was_made(name: str) -> None:
     truth = AXES[name]
     found = rightly_identified(name)
-    for check in (check_lag, check_dead_time, check_acceleration, check_sines):
-        check(found, truth)
-    if truth.backlash:
-        check_backlash(found, truth)
+    for what in ("motor_lag", "dead_time", "acceleration", "sines", *["backlash"] * bool(truth.backlash)):
+        check(found, truth, what)
     for constant, true in (
         ("motor_lag", truth.motor_lag), ("acceleration", truth.acceleration), ("friction", 22.0),
         ("backlash", truth.backlash or None),
@@ -109,49 +107,35 @@ def test_the_delay_of_the_force_is_that_of_the_inertia_that_it_feels() -> None:
     assert "clamp some 200 g to it" in light.how
 
 
-def _late_commands(monkeypatch: pytest.MonkeyPatch) -> None:
-    right = axis_response.modelled
-
-    def wrong(stretch: Stretch, lag: float, acceleration: float, dead_time: float) -> Any:
-        return right(stretch, lag, acceleration, dead_time + 0.005)
-
-    monkeypatch.setattr(axis_response, "modelled", wrong)
-
-
-def _without_limit(monkeypatch: pytest.MonkeyPatch) -> None:
-    right = axis_response.modelled
-    monkeypatch.setattr(axis_response, "modelled", lambda stretch, lag, limit, dead: right(stretch, lag, 1e3, dead))
-
-
-def _without_lag(monkeypatch: pytest.MonkeyPatch) -> None:
-    right = axis_response.modelled
-    monkeypatch.setattr(axis_response, "modelled", lambda stretch, lag, limit, dead: right(stretch, 1e-3, limit, dead))
-
-
-def _play_from_the_end_of_a_leg(monkeypatch: pytest.MonkeyPatch) -> None:
-    right = axis_response._leg
-    monkeypatch.setattr(
-        axis_response, "_leg", lambda turns, number: (lambda leg: (0.5 * leg[0], leg[1]))(right(turns, number))
-    )
+Estimate = Callable[..., Any]
+MISTAKES: dict[str, tuple[str, Callable[[Estimate], Estimate], tuple[str, ...]]] = {
+    "late commands": (
+        "modelled", lambda right: lambda stretch, lag, limit, dead: right(stretch, lag, limit, dead + 0.005),
+        ("dead_time",),
+    ),
+    "without limit": (
+        "modelled", lambda right: lambda stretch, lag, limit, dead: right(stretch, lag, 1e3, dead), ("motor_lag",)
+    ),
+    "without lag": (
+        "modelled", lambda right: lambda stretch, lag, limit, dead: right(stretch, 1e-3, limit, dead),
+        ("motor_lag", "sines"),
+    ),
+    "play from the end of a leg": (
+        "_leg", lambda right: lambda *which: (lambda leg: (0.5 * leg[0], leg[1]))(right(*which)), ("backlash",)
+    ),
+}  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("mistake", "checks"),
-    [
-        (_late_commands, (check_dead_time,)),
-        (_without_limit, (check_lag,)),
-        (_without_lag, (check_lag, check_sines)),
-        (_play_from_the_end_of_a_leg, (check_backlash,)),
-    ],
-)
-def test_a_wrong_estimator_would_be_noticed(mistake: Any, checks: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_wrong_estimator_would_be_noticed(mistake: str, monkeypatch: pytest.MonkeyPatch) -> None:
     truth, right = AXES["slow and loose"], rightly_identified("slow and loose")
-    mistake(monkeypatch)
+    name, wrongly, checks = MISTAKES[mistake]
+    monkeypatch.setattr(axis_response, name, wrongly(getattr(axis_response, name)))
     wrong = identified(MadeUpAxis(drive=truth))
-    for check in checks:
-        check(right, truth)
+    for what in checks:
+        check(right, truth, what)
         with pytest.raises(AssertionError):
-            check(wrong, truth)
+            check(wrong, truth, what)
 
 
 @pytest.mark.parametrize(("noise", "resolution"), [(0.02, 0.05), (0.012, 0.05), (0.1, 0.05), (0.02, 1e-6)])
@@ -224,7 +208,7 @@ def test_a_limit_that_no_step_meets_is_not_made_up() -> None:
     found = identified(MadeUpAxis(drive=Rig(motor_lag=0.060, acceleration=5.0)))
     assert found["acceleration"].value is None
     assert "no step met a limit" in found["acceleration"].how
-    check_lag(found, Rig(motor_lag=0.060))
+    check(found, Rig(motor_lag=0.060), "motor_lag")
 
 
 def test_standard_errors_cover_what_jitter_does() -> None:
@@ -336,14 +320,11 @@ def test_an_action_beyond_the_top_speed_is_reduced_alike_in_one_cut_in_many_and_
         assert np.array_equal(observation, every[0])
         most = greatest_action(top_speed(slow_settings("/dev/x")))
         assert observation[LAST_SPEED] == pytest.approx(np.clip(speed, -most, most))
-    rig = RigCutEnv(rig="fake", lower_limits={"speed": 0.005}, control_hz=10)
-    try:
+    with closing(RigCutEnv(rig="fake", lower_limits={"speed": 0.005}, control_hz=10)) as rig:
         rig.reset(seed=4)
         observation, *_, info = rig.step(np.array([1.0, 1.0]))
         assert observation[LAST_SPEED] == pytest.approx(most)
         assert info["rig"]["limited"] == 1
-    finally:
-        rig.close()
 
 
 def test_training_for_a_rig_takes_its_angle_its_decisions_and_its_constants(tmp_path: Path) -> None:

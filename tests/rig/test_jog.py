@@ -12,6 +12,7 @@ import termios
 import time
 from collections.abc import Callable
 from datetime import date
+from typing import Any
 
 import pytest
 
@@ -66,13 +67,17 @@ class Fingers:
         return min(self.seen, key=lambda each: abs(each[0] - moment))[1]
 
 
-@pytest.fixture
-def rig() -> FakeRig:
-    rig = FakeRig(AirPlant, fake_settings())
+def prepared(**axes: Any) -> FakeRig:
+    rig = FakeRig(AirPlant, fake_settings(**axes))
     rig.plant.open()
     rig.clock.sleep_until(rig.clock.now() + SETTLE)
     prepare(rig.plant, AutomaticOperator(rig.settings), today=date.today())
     return rig
+
+
+@pytest.fixture
+def rig() -> FakeRig:
+    return prepared()
 
 
 def jogged(rig: FakeRig, *held: tuple[JogKey, float, float], speed: float = SPEED) -> tuple[Fingers, list[str]]:
@@ -114,10 +119,7 @@ def test_up_and_down_turn_the_blade(rig: FakeRig) -> None:
 
 
 def test_u_and_d_raise_and_lower_a_blade_that_has_the_axis() -> None:
-    rig = FakeRig(AirPlant, fake_settings(height=HEIGHT))
-    rig.plant.open()
-    rig.clock.sleep_until(rig.clock.now() + SETTLE)
-    prepare(rig.plant, AutomaticOperator(rig.settings), today=date.today())
+    rig = prepared(height=HEIGHT)
     start, position = rig.plant.height, rig.plant.position
     fingers, shown = Fingers(rig, (JogKey.RAISE, 0.5, 2.5), (JogKey.QUIT, 4.0, 4.0)), []
     jog(rig.plant, fingers, Jog(turns=True, lifts=True), shown.append)
@@ -128,10 +130,7 @@ def test_u_and_d_raise_and_lower_a_blade_that_has_the_axis() -> None:
 
 
 def test_l_and_r_move_a_blade_to_the_side_that_has_the_axis() -> None:
-    rig = FakeRig(AirPlant, fake_settings(side=SIDE))
-    rig.plant.open()
-    rig.clock.sleep_until(rig.clock.now() + SETTLE)
-    prepare(rig.plant, AutomaticOperator(rig.settings), today=date.today())
+    rig = prepared(side=SIDE)
     way = SPEED * (2.0 - 0.3 + HELD)
     keys = (JogKey.TO_LEFT, 0.5, 2.5), (JogKey.FORWARD, 3.0, 5.0), (JogKey.TO_RIGHT, 5.5, 7.5), (JogKey.QUIT, 9.0, 9.0)
     places, shown = {}, []
@@ -146,22 +145,13 @@ def test_l_and_r_move_a_blade_to_the_side_that_has_the_axis() -> None:
     assert rig.plant.place("side") - middle == pytest.approx(0.0, abs=0.2 * way)
     assert re.search(r"left +[+-]0\.\d\d mm", shown[-1])
     assert KeyDecoder().feed(b"lR") == [JogKey.TO_LEFT, JogKey.TO_RIGHT]
-    without = Jog(turns=True)
-    without.press([JogKey.TO_LEFT], 1.0)
-    assert (without.command(1.01), without.aside()) == ((0.0, 0.0), 0.0)
 
 
-def test_without_the_axis_u_and_d_stop_as_any_other_key() -> None:
-    controls = Jog(turns=True)
-    controls.press([JogKey.FORWARD, JogKey.RAISE], 1.0)
-    assert controls.command(1.01) == (0.0, 0.0)
-    assert controls.rise() == 0.0
-
-
-def test_without_a_hinge_up_and_down_do_nothing() -> None:
-    controls = Jog(turns=False)
-    controls.press([JogKey.SLANT], 1.0)
-    assert controls.command(1.01) == (0.0, 0.0)
+@pytest.mark.parametrize("key", [JogKey.RAISE, JogKey.SLANT, JogKey.TO_LEFT])
+def test_without_its_axis_a_key_stops_as_any_other(key: JogKey) -> None:
+    controls = Jog()
+    controls.press([JogKey.FORWARD, key], 1.0)
+    assert not any(controls.command(1.01))
 
 
 def test_the_end_of_travel_is_not_passed(rig: FakeRig) -> None:

@@ -5,8 +5,6 @@ The whole rig of one axis runs, from the plant to the drive's own state machine,
 
 from __future__ import annotations
 
-import contextlib
-import itertools
 from typing import Any
 
 import hypothesis
@@ -23,6 +21,11 @@ from cutenv.rig.safety.stop_causes import Cause, RigStopped
 LATE = st.sampled_from([WAY, 0.010, 0.025, 0.045])
 """Ways of the drive's frames to the rig [s]: the host stalls, and samples tell what was true before a stop."""
 STILL = 1e-5  # [m/s]
+
+
+@pytest.fixture
+def rig() -> HandMovedRig:
+    return HandMovedRig().ready()
 
 
 class AnyOrder(RuleBasedStateMachine):
@@ -157,44 +160,9 @@ def test_any_order_of_events_ends_where_the_operator_can_go_on_and_never_in_powe
     )  # fmt: skip
 
 
-EVENTS: dict[str, Any] = {
-    "stop": lambda rig: rig.supervisor.trip(Cause.OPERATOR, "as told"),
-    "late samples": lambda rig: setattr(rig.network, "way", 0.045),
-    "clear": lambda rig: rig.driver.clear(),
-    "reset": lambda rig: rig.supervisor.reset(agreed=True),
-    "enable": lambda rig: rig.plant.power(),
-}
-
-
-@pytest.mark.parametrize("order", list(itertools.permutations(EVENTS))[::3], ids="-".join)
-def test_an_order_of_five_events_ends_where_the_operator_can_go_on(order):
-    rig = HandMovedRig().ready()
-    rig.plant.begin()
-    rig.cut(0.015, 0.1)
-    stopped = consented = False
-    for name in order:
-        powered = len(rig.enabled)
-        with contextlib.suppress(RigError):
-            EVENTS[name](rig)
-        rig.wait(0.002)
-        stopped |= name == "stop" or rig.supervisor.phase is Phase.STOPPED
-        consented |= stopped and name == "reset"
-        assert len(rig.enabled) == powered or name == "enable"
-        assert not (stopped and not consented and name == "enable" and len(rig.enabled) > powered)
-    rig.network.way = WAY
-    rig.wait(0.5)
-    if stopped and not consented:
-        assert rig.node.state is not DriveState.ENABLED
-        assert abs(rig.speed) < STILL
-    rig.plant.halt()
-    rig.go_on()
-    rig.cut(0.01, 0.1)
-
-
 @pytest.mark.parametrize("way", [0.0005, 0.010, 0.030, 0.045])
 @pytest.mark.parametrize("after", [0.0, 0.001, 0.005, 0.012, 0.030])
-def test_a_reset_right_after_a_stop_is_done_while_old_samples_still_come(way, after):
-    rig = HandMovedRig().ready()
+def test_a_reset_right_after_a_stop_is_done_while_old_samples_still_come(rig, way, after):
     rig.cut(0.015, 0.1)
     rig.network.way = way
     rig.supervisor.trip(Cause.OPERATOR, "as told")
@@ -208,8 +176,7 @@ def test_a_reset_right_after_a_stop_is_done_while_old_samples_still_come(way, af
     rig.cut(0.015, 0.1)
 
 
-def test_a_stop_during_a_reset_is_a_stop_of_its_own():
-    rig = HandMovedRig().ready()
+def test_a_stop_during_a_reset_is_a_stop_of_its_own(rig):
     rig.cut(0.015, 0.1)
     rig.supervisor.trip(Cause.OPERATOR, "the first")
     clear = rig.driver.clear
@@ -228,8 +195,7 @@ def test_a_stop_during_a_reset_is_a_stop_of_its_own():
     rig.go_on()
 
 
-def test_a_reset_of_a_drive_that_never_heard_the_stop_stops_it_first():
-    rig = HandMovedRig().ready()
+def test_a_reset_of_a_drive_that_never_heard_the_stop_stops_it_first(rig):
     rig.cut(0.015, 0.3)
     rig.network.lost = 1
     rig.supervisor.trip(Cause.OPERATOR, "as told")
@@ -275,8 +241,7 @@ def cut_through_growing_latency(rig: HandMovedRig) -> None:
 
 
 @pytest.mark.parametrize("lost", [6, 20, 60])
-def test_after_an_interrupted_bus_one_reset_is_enough_and_latency_that_grows_still_stops(lost: int) -> None:
-    rig = HandMovedRig().ready()
+def test_after_an_interrupted_bus_one_reset_is_enough_and_latency_that_grows_still_stops(rig, lost: int) -> None:
     rig.network.lost = lost
     rig.wait(1.5)
     assert rig.supervisor.phase is Phase.STOPPED

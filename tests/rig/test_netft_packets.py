@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
 import http.server
-import random
 import threading
 import time
 
@@ -40,14 +40,11 @@ KNOWN_BYTES = bytes.fromhex(
 )
 
 
-def test_a_start_without_end_is_these_eight_bytes():
-    assert request_bytes(RdtCommand.START) == bytes.fromhex("12 34 00 02 00 00 00 00")
-
-
 @pytest.mark.parametrize(
     ("command", "count", "written"),
     [
         (RdtCommand.STOP, 0, "1234 0000 00000000"),
+        (RdtCommand.START, 0, "1234 0002 00000000"),  # without end
         (RdtCommand.START, 258, "1234 0002 00000102"),
         (RdtCommand.RESET_LATCH, 0, "1234 0041 00000000"),
         (RdtCommand.BIAS, 0, "1234 0042 00000000"),
@@ -82,21 +79,8 @@ def test_whatever_comes_is_a_record_or_the_one_error(packet):
     else:
         with pytest.raises(PacketError, match=f"36 bytes, this has {len(packet)}"):
             parse_packet(packet)
-
-
-def test_twenty_thousand_garbled_packets_raise_nothing_but_the_one_error():
-    draw = random.Random(20)
-    read = refused = 0
-    for _ in range(20_000):
-        packet = draw.randbytes(draw.choice([0, 1, 8, 35, 36, 36, 37, 72, 1400]))
-        for parse in (parse_packet, parse_request):
-            try:
-                parse(packet)
-                read += 1
-            except PacketError:
-                refused += 1
-    assert read > 4_000  # 36 bytes are a record, whatever they say
-    assert read + refused == 40_000
+    with contextlib.suppress(PacketError):
+        assert request_bytes(*parse_request(packet)) == packet
 
 
 @pytest.mark.parametrize(
@@ -172,23 +156,17 @@ def answering(text):
     return answer
 
 
-@pytest.mark.parametrize(
-    ("unit", "newtons"),
-    [("N", 1.0), ("kN", 1000.0), ("lbf", 4.448222), ("klbf", 4448.222), ("kg", 9.80665), ("kgf", 9.80665),
-     ("g", 0.00980665)],
-)  # fmt: skip
-def test_forces_of_every_unit_become_newtons(unit, newtons):
-    assert parse_page(page(cpf="500", force=unit)).newtons_per_count == pytest.approx(newtons / 500, rel=1e-6)
+FORCES = {"N": 1.0, "kN": 1000.0, "lbf": 4.448222, "klbf": 4448.222, "kg": 9.80665, "kgf": 9.80665, "g": 0.00980665}
+TORQUES = {"N-m": 1.0, "Nm": 1.0, "N-mm": 1e-3, "kN-m": 1000.0, "lbf-in": 0.1129848, "lbf-ft": 1.355818,
+           "kgf-cm": 0.0980665, "kg-cm": 0.0980665}  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("unit", "newton_metres"),
-    [("N-m", 1.0), ("Nm", 1.0), ("N-mm", 1e-3), ("kN-m", 1000.0), ("lbf-in", 0.1129848), ("lbf-ft", 1.355818),
-     ("kgf-cm", 0.0980665), ("kg-cm", 0.0980665)],
-)  # fmt: skip
-def test_torques_of_every_unit_become_newton_metres(unit, newton_metres):
-    found = parse_page(page(cpt="250", torque=unit)).newton_metres_per_count
-    assert found == pytest.approx(newton_metres / 250, rel=1e-6)
+def test_forces_and_torques_of_every_unit_become_newtons_and_newton_metres():
+    for unit, newtons in FORCES.items():
+        assert parse_page(page(cpf="500", force=unit)).newtons_per_count == pytest.approx(newtons / 500, rel=1e-6), unit
+    for unit, metres in TORQUES.items():
+        found = parse_page(page(cpt="250", torque=unit))
+        assert found.newton_metres_per_count == pytest.approx(metres / 250, rel=1e-6), unit
 
 
 def test_the_rate_is_what_the_page_says_and_none_where_it_says_nothing():
@@ -206,23 +184,18 @@ def test_what_is_missing_is_named_and_nothing_assumed_for_it():
         parse_page(b"<netft><cfgcpt>1000</cfgcpt><scfgfu>N</scfgfu><scfgtu> </scfgtu></netft>")
 
 
-@pytest.mark.parametrize("counts", ["0", "-1", "nan", "inf", "1e-300", "many"])
-def test_counts_that_are_no_scale_are_refused(counts):
-    with pytest.raises(RigError, match=f"cfgcpf = '{counts}'"):
-        parse_page(page(cpf=counts))
-
-
-@pytest.mark.parametrize(("field", "value"), [("scfgfu", "stone"), ("scfgtu", "lbf-furlong")])
-def test_an_unknown_unit_is_refused_by_name(field, value):
-    with pytest.raises(RigError, match=f"{field} = '{value}', a unit that is not known"):
-        parse_page(page(**{"force" if field == "scfgfu" else "torque": value}))
-
-
 @pytest.mark.parametrize(
-    "text", [b"", b"<netft>", b"\x00\xff", b"<html><br></html>", b"<?xml version='1.0' encoding='x-no'?><a/>"]
+    ("text", "why"),
+    [
+        *((page(cpf=counts), f"cfgcpf = '{counts}'") for counts in ("0", "-1", "nan", "inf", "1e-300", "many")),
+        (page(force="stone"), "scfgfu = 'stone', a unit that is not known"),
+        (page(torque="lbf-furlong"), "scfgtu = 'lbf-furlong', a unit that is not known"),
+        *((text, "is not XML") for text in (b"", b"<netft>", b"\x00\xff", b"<html><br></html>")),
+        (b"<?xml version='1.0' encoding='x-no'?><a/>", "is not XML"),
+    ],
 )
-def test_what_is_no_xml_is_refused(text):
-    with pytest.raises(RigError, match="is not XML"):
+def test_counts_units_and_texts_that_are_none_are_refused(text, why):
+    with pytest.raises(RigError, match=why):
         parse_page(text)
 
 
@@ -252,14 +225,16 @@ def test_the_emulated_sensor_shows_a_page_that_is_read():
     assert (found.newtons_per_count, found.newton_metres_per_count, found.rate) == (1 / 2000, 1 / 30_000, 500.0)
 
 
-def test_a_page_that_is_too_large_is_refused(web):
-    with pytest.raises(RigError, match=f"more than {LARGEST} bytes"):
-        read_page(web(answering(b"<netft>" + b" " * LARGEST)))
-
-
-def test_a_page_that_says_no_is_refused_with_its_answer(web):
-    with pytest.raises(RigError, match="404"):
-        read_page(web(lambda handler: handler.send_error(404)))
+@pytest.mark.parametrize(
+    ("answer", "why"),
+    [
+        (answering(b"<netft>" + b" " * LARGEST), f"more than {LARGEST} bytes"),
+        (lambda handler: handler.send_error(404), "404"),
+    ],
+)
+def test_a_page_that_is_too_large_or_says_no_is_refused(web, answer, why):
+    with pytest.raises(RigError, match=why):
+        read_page(web(answer))
 
 
 def test_a_page_elsewhere_is_not_followed(web):
@@ -296,13 +271,16 @@ def test_where_nobody_answers_the_error_says_what_to_check():
         read_page(page_that_was)
 
 
-@pytest.mark.parametrize("address", ["file:///etc/passwd", "ftp://127.0.0.1/a", "192.168.1.1", ""])
-def test_only_http_is_asked(address):
-    with pytest.raises(RigError, match="must begin with http://"):
-        read_page(address)
-
-
-@pytest.mark.parametrize("address", ["http://", "http://:x", "http://[::1", "http://a b/", "http://\u0000"])
-def test_an_address_that_is_none_is_a_readable_error(address):
-    with pytest.raises(RigError, match="cannot be read"):
+@pytest.mark.parametrize(
+    ("address", "why"),
+    [
+        *(
+            (address, "must begin with http://")
+            for address in ("file:///etc/passwd", "ftp://127.0.0.1/a", "10.0.0.1", "")
+        ),
+        *((f"http://{rest}", "cannot be read") for rest in ("", ":x", "[::1", "a b/", "\u0000")),
+    ],
+)
+def test_an_address_that_is_none_or_not_of_http_is_a_readable_error(address, why):
+    with pytest.raises(RigError, match=why):
         read_page(address)

@@ -15,7 +15,6 @@ from cutenv.emulation.sensor_server import SensorPage, SensorServer
 from cutenv.rig.config.settings import SensorSettings
 from cutenv.rig.devices.loop import SystemClock
 from cutenv.rig.devices.netft_sensor import NetftSensor, SensorPacket, SensorStatus, packet_bytes
-from cutenv.rig.devices.protocols import ForceDriver
 from cutenv.rig.devices.reading_stream import STEADY_FORCE
 from cutenv.rig.errors import RigError
 
@@ -38,11 +37,6 @@ def server():
         yield server
 
 
-def test_it_is_a_force_driver(server):
-    driver: ForceDriver = NetftSensor(settings_of(server), SystemClock())
-    assert driver.rate == 1000.0
-
-
 def test_readings_come_in_newtons_with_counts_status_and_sequence():
     shown = SensorPage(counts_per_newton=2000, rate=500.0)
     with SensorServer(configuration=shown) as server, streaming(server) as (sensor, kept):
@@ -57,55 +51,48 @@ def test_readings_come_in_newtons_with_counts_status_and_sequence():
         assert abs(sample.time - time.monotonic()) < 60.0  # of the rig's clock
 
 
-def test_every_reading_arrives_once_and_in_order(server):
+def fed(server, kept, count):
+    """Let so many readings come, and nothing more."""
+    feed = Feed(server)
+    wait_for(lambda: len(kept.samples) > count)
+    feed.close()
+    settle(kept)
+
+
+@pytest.mark.parametrize("first", [1, 2**32 - 50])
+def test_every_reading_arrives_once_and_in_order_also_where_the_sequence_wraps_around(server, first):
+    server.first_sequence = first
     with streaming(server) as (sensor, kept):
-        feed = Feed(server)
-        wait_for(lambda: len(kept.samples) > 300)
-        feed.close()
-        settle(kept)
-        assert sequences(kept) == list(range(1, len(kept.samples) + 1))
+        fed(server, kept, 300)
+        assert sequences(kept) == [(first + i) % 2**32 for i in range(len(kept.samples))]
         assert sensor.counters == (len(kept.samples), 0, 0, 0, 0)
-
-
-def test_what_is_lost_is_counted_where_it_is_missing(server):
-    with streaming(server) as (sensor, kept):
-        last, before = kept.samples[-1].sequence, len(kept.samples)
-        send(server, last + 1, last + 4, last + 5)
-        wait_for(lambda: len(kept.samples) == before + 3)
-        assert [sample.lost for sample in kept.samples[before:]] == [0, 2, 0]
-        assert sensor.counters.lost == 2
-
-
-def test_older_and_repeated_ones_are_dropped_and_counted(server):
-    with streaming(server) as (sensor, kept):
-        last, before = kept.samples[-1].sequence, len(kept.samples)
-        send(server, last + 2, last + 1, last + 2, last + 3, last)
-        settle(kept)
-        assert sequences(kept, before) == [last + 2, last + 3]
-        assert sensor.counters.reordered == 3
-        assert not kept.complaints
 
 
 def test_a_way_that_swaps_never_turns_the_order(server):
     server.faults.reorder = True
     with streaming(server) as (sensor, kept):
-        feed = Feed(server)
-        wait_for(lambda: len(kept.samples) > 300)
-        feed.close()
-        settle(kept)
+        fed(server, kept, 300)
         assert sequences(kept) == sorted(set(sequences(kept)))
         assert sensor.counters.reordered > 20
 
 
-def test_the_sequence_wraps_around_without_a_loss(server):
-    server.first_sequence = 2**32 - 50
+@pytest.mark.parametrize(
+    ("sent", "passed", "lost", "counted"),
+    [
+        ((1, 4, 5), (1, 4, 5), (0, 2, 0), {"lost": 2}),
+        ((2, 1, 2, 3, 0), (2, 3), (1, 0), {"reordered": 3}),  # older and repeated ones are dropped
+        ((1, 4_000_000_000, 2, 2_000_000_000, 3), (1, 2, 3), (0, 0, 0), {"garbled": 2, "lost": 0}),  # from nowhere
+    ],
+)
+def test_what_is_lost_late_or_from_nowhere_is_counted_and_upsets_nothing(server, sent, passed, lost, counted):
     with streaming(server) as (sensor, kept):
-        feed = Feed(server)
-        wait_for(lambda: len(kept.samples) > 200)
-        feed.close()
+        last, before = kept.samples[-1].sequence, len(kept.samples)
+        send(server, *(last + each for each in sent))
         settle(kept)
-        assert sequences(kept) == [(2**32 - 50 + i) % 2**32 for i in range(len(kept.samples))]
-        assert sensor.counters[1:] == (0, 0, 0, 0)
+        assert sequences(kept, before) == [last + each for each in passed]
+        assert tuple(sample.lost for sample in kept.samples[before:]) == lost
+        assert sensor.counters._asdict().items() >= counted.items()
+        assert bool(kept.complaints) is ("garbled" in counted)
 
 
 @pytest.mark.parametrize("restarted", [1, 3_000_000_000])
@@ -118,15 +105,6 @@ def test_a_restarted_sensor_is_reported_and_taken_as_a_new_beginning(server, res
         assert sequences(kept, before) == [restarted + 1, restarted + 2]
         assert [sample.lost for sample in kept.samples[before:]] == [0, 0]
         assert kept.complaints == [f"sequence {restarted} does not follow {last}: a restart?"]
-
-
-def test_one_number_from_nowhere_does_not_upset_the_stream(server):
-    with streaming(server) as (sensor, kept):
-        before, last = len(kept.samples), kept.samples[-1].sequence
-        send(server, last + 1, 4_000_000_000, last + 2, 2_000_000_000, last + 3)
-        settle(kept)
-        assert sequences(kept, before) == [last + 1, last + 2, last + 3]
-        assert (sensor.counters.garbled, sensor.counters.lost) == (2, 0)
 
 
 def test_twenty_thousand_garbled_packets_are_told_and_reading_goes_on(server):
@@ -147,11 +125,10 @@ def test_twenty_thousand_garbled_packets_are_told_and_reading_goes_on(server):
 
 def test_packets_from_another_address_are_told_and_never_read(server):
     with streaming(server) as (sensor, kept):
-        before, ports = len(kept.samples), sensor._socket.getsockname()[1]
+        before, (host, port) = len(kept.samples), sensor._socket.getsockname()
+        assert host == "127.0.0.1", "it listens on another network than the sensor's"
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
-            stranger.sendto(
-                packet_bytes(SensorPacket(kept.samples[-1].sequence + 1, 0, 0, (0,) * 6)), ("127.0.0.1", ports)
-            )
+            stranger.sendto(packet_bytes(SensorPacket(kept.samples[-1].sequence + 1, 0, 0, (0,) * 6)), (host, port))
             wait_for(lambda: kept.complaints)
             assert f"from 127.0.0.1:{stranger.getsockname()[1]}" in kept.complaints[0]
         assert len(kept.samples) == before
@@ -220,11 +197,6 @@ def test_two_tares_tell_how_far_the_sensor_has_drifted(server):
         again = sensor.tare(100)
         assert np.subtract(again, first) == pytest.approx((0.25, 0.0, -0.1))
         feed.close()
-
-
-def test_on_no_other_network_than_the_sensors_does_anything_listen(server):
-    with streaming(server) as (sensor, _):
-        assert sensor._socket.getsockname()[0] == "127.0.0.1"
 
 
 def test_no_zero_is_taken_from_a_moving_force(server):

@@ -11,11 +11,10 @@ import time
 from collections.abc import Callable, Iterator
 
 import pytest
-from scripted_operator import ScriptedOperator
 
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.errors import RigError
-from cutenv.rig.operation.operator import AutomaticOperator, Operator, TerminalOperator
+from cutenv.rig.operation.operator import AutomaticOperator, TerminalOperator
 
 
 class Person:
@@ -53,34 +52,28 @@ def person() -> Iterator[Person]:
 
 
 @pytest.mark.parametrize(
-    ("typed", "answer"), [(b"y\n", True), (b" Yes \n", True), (b"n\n", False), (b"\n", False), (b"yep\n", False)]
+    ("expected", "typed", "answer"),
+    [
+        *((None, typed, True) for typed in (b"y\n", b" Yes \n", b"ye\x04s\n")),  # Ctrl-D hands over what stands there
+        *((None, typed, False) for typed in (b"n\n", b"\n", b"yep\n", b"\x04")),
+        ("bench 2", b"bench 2\n", True),
+        *(("bench 2", typed, False) for typed in (b"Bench 2\n", b"bench 2 \n", b"yes\n", b"\n")),
+    ],
 )
-def test_only_yes_is_a_yes(person: Person, typed: bytes, answer: bool) -> None:
+def test_only_yes_is_a_yes_and_a_typed_confirmation_counts_letter_for_letter(
+    person: Person, expected: str | None, typed: bytes, answer: bool
+) -> None:
     operator = person.operator()
-    assert person.answers(lambda: operator.confirm("Move the blade?"), types=typed) is answer
-    assert person.screen.getvalue().startswith("Move the blade? [y/N] ")
-
-
-@pytest.mark.parametrize(
-    ("typed", "answer"),
-    [(b"bench 2\n", True), (b"Bench 2\n", False), (b"bench 2 \n", False), (b"yes\n", False), (b"\n", False)],
-)
-def test_a_typed_confirmation_counts_letter_for_letter(person: Person, typed: bytes, answer: bool) -> None:
-    operator = person.operator()
-    assert person.answers(lambda: operator.confirm("Arm the rig?", expected="bench 2"), types=typed) is answer
-    assert 'Type "bench 2" to confirm' in person.screen.getvalue()
+    assert person.answers(lambda: operator.confirm("Arm the rig?", expected=expected), types=typed) is answer
+    shown = person.screen.getvalue()
+    assert shown.startswith("Arm the rig? [y/N] " if expected is None else 'Arm the rig?\nType "bench 2" to confirm')
+    assert ("end of input" in shown) is (typed == b"\x04")
 
 
 @pytest.mark.parametrize(("typed", "answer"), [(b"\n", True), (b"wait\n", False)])
 def test_ready_is_enter(person: Person, typed: bytes, answer: bool) -> None:
     operator = person.operator()
     assert person.answers(lambda: operator.ask_ready("specimen clamped, hands off"), types=typed) is answer
-
-
-def test_an_answer_in_pieces_is_put_together(person: Person) -> None:
-    operator = person.operator()
-    pieces = b"ye\x04s\n"  # Ctrl-D amidst a line hands over what stands there
-    assert person.answers(lambda: operator.confirm("Go?", expected="yes"), types=pieces)
 
 
 def test_what_was_typed_before_the_question_is_no_answer(person: Person) -> None:
@@ -99,12 +92,6 @@ def test_silence_is_a_no_after_the_time_limit(person: Person) -> None:
 def test_half_a_line_is_no_answer(person: Person) -> None:
     operator = person.operator(patience=1.0)
     assert person.answers(lambda: operator.confirm("Go?"), types=b"y") is False
-
-
-def test_the_end_of_the_input_is_a_no(person: Person) -> None:
-    operator = person.operator()
-    assert person.answers(lambda: operator.confirm("Go?"), types=b"\x04") is False
-    assert "end of input" in person.screen.getvalue()
 
 
 def test_an_interruption_is_a_no(person: Person) -> None:
@@ -144,17 +131,3 @@ def test_an_emulated_rig_is_answered_yes_and_what_was_asked_is_kept() -> None:
 def test_hardware_is_never_answered_automatically() -> None:
     with pytest.raises(ValueError, match=r"rig 'bench 2' is not emulated.*a person has to confirm"):
         AutomaticOperator(RigSettings(name="bench 2"))
-
-
-def test_an_unexpected_question_is_an_error() -> None:
-    operator = ScriptedOperator([("Arm", True)])
-    with pytest.raises(LookupError, match="with 'Arm' was expected, but this was asked: 'clamped"):
-        operator.ask_ready("clamped")
-    with pytest.raises(LookupError, match="no question was expected"):
-        ScriptedOperator().confirm("Go?")
-
-
-def test_each_of_them_is_an_operator(person: Person) -> None:
-    operators: list[Operator] = [person.operator(), AutomaticOperator(RigSettings(emulated=True)), ScriptedOperator()]
-    for operator in operators:
-        operator.tell("here")

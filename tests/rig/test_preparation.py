@@ -62,22 +62,23 @@ def test_a_sensor_that_sends_at_another_rate_than_the_file_says_is_refused():
     rig.plant.close()
 
 
+def calibrated(date: str) -> dict[str, SensorCalibration]:
+    return {"calibration": SensorCalibration(date=date)}
+
+
 @pytest.mark.parametrize(
-    ("calibration", "because"),
+    ("settings", "because"),
     [
-        (SensorCalibration(date=""), "never checked"),
-        (SensorCalibration(date=(TODAY - timedelta(days=400)).isoformat()), "400 days ago"),
-        (SensorCalibration(date=(TODAY + timedelta(days=2)).isoformat()), "in the future"),
-        (SensorCalibration(date="last week"), "is not a date"),
+        (calibrated(""), "never checked"),
+        (calibrated((TODAY - timedelta(days=400)).isoformat()), "400 days ago"),
+        (calibrated((TODAY + timedelta(days=2)).isoformat()), "in the future"),
+        (calibrated("last week"), "is not a date"),
+        ({"armed_by": "  "}, "armed_by"),
     ],
 )
 @pytest.mark.promise("S1")
-def test_without_a_valid_calibration_nothing_moves(calibration, because):
-    refused(opened(calibration=calibration), because)
-
-
-def test_nobody_answers_for_it():
-    refused(opened(armed_by="  "), "armed_by")
+def test_without_a_valid_calibration_and_who_answers_for_it_nothing_moves(settings, because):
+    refused(opened(**settings), because)
 
 
 def test_the_operator_says_no_or_types_something_else():
@@ -85,30 +86,24 @@ def test_the_operator_says_no_or_types_something_else():
     refused(opened(), "not confirmed", ScriptedOperator([("will move", "fak")]))
 
 
-def test_a_force_on_a_blade_that_should_be_free():
-    rig = opened()
-    rig.faults.ramp = 2.0  # it comes back after the tare: somebody leans on the blade
-    refused(rig, "zero force")
-
-
-def test_a_sensor_that_is_unwell():
-    rig = opened()
-    rig.faults.force_status = 0x80000000
-    refused(rig, "force status: 0x80000000")
-
-
-def test_a_drive_that_has_other_limits_than_the_file():
-    rig = opened()
+def limited_otherwise(rig: FakeRig) -> None:
     answered = rig.blade.limits()
     rig.blade.limits = lambda: answered | {"high": 0.3}
-    refused(rig, "blade limit high: drive 0.3, file 0.149")
 
 
-def test_a_drive_in_fault_is_not_switched_on():
+@pytest.mark.parametrize(
+    ("fault", "because"),
+    [
+        (lambda rig: setattr(rig.faults, "ramp", 2.0), "zero force"),  # after the tare: somebody leans on the blade
+        (lambda rig: setattr(rig.faults, "force_status", 0x80000000), "force status: 0x80000000"),
+        (limited_otherwise, "blade limit high: drive 0.3, file 0.149"),
+        (lambda rig: setattr(rig.blade, "state", DriveState.FAULT), "clear it first"),
+    ],
+)
+def test_a_force_a_sick_sensor_other_limits_or_a_fault_are_refused_at_rest(fault, because):
     rig = opened()
-    rig.blade.state = DriveState.FAULT
-    with pytest.raises(RigError, match="clear it first"):
-        prepare(rig.plant, AutomaticOperator(rig.settings), today=TODAY)
+    fault(rig)
+    refused(rig, because)
 
 
 def test_an_encoder_that_counts_the_other_way_is_found_with_a_millimetre():

@@ -9,7 +9,6 @@ from datetime import datetime
 import gymnasium
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env
 from scripted_operator import ScriptedOperator
 
 from cutenv.agents.policy import BASELINES
@@ -55,10 +54,6 @@ def test_it_has_the_simulators_spaces(env):
     simulated = gymnasium.make("cutenv/GentleCut-v1")
     assert env.observation_space == simulated.observation_space
     assert env.action_space == simulated.action_space
-
-
-def test_gymnasiums_checker_finds_nothing():
-    check_env(gymnasium.make("cutenv/RigCut-v1", rig="fake").unwrapped, skip_render_check=True)
 
 
 def test_its_arguments_are_flat_and_json_able():
@@ -179,14 +174,6 @@ def test_while_a_specimen_holds_the_blade_nothing_moves_and_it_is_asked_for_agai
     operator.unasked = [("Take the specimen off", True), ("will move", "fake")]
     env.reset(seed=3)
     assert not env.step(np.array([0.5, 1.0], np.float32))[2]
-    env.close()
-
-
-def test_nothing_moves_without_the_operators_typed_word():
-    env = RigCutEnv(rig="fake", operator=ScriptedOperator([("will move", "yes")]))
-    with pytest.raises(RigError, match="not confirmed"):
-        env.reset(seed=1)
-    assert fake_of(env).bench.motion[:2] == (0.0, 0.0)
     env.close()
 
 
@@ -433,14 +420,6 @@ def test_a_disk_that_takes_no_more_stops_the_blade(tmp_path, monkeypatch):
     info = info if "stop" in info else env.step(np.array([0.625, 1.0], np.float32))[4]
     assert "record cannot be kept" in info["stop"]["detail"]
     env.close()
-
-
-def test_drives_that_stopped_by_themselves_between_cuts_are_the_operators_to_reset(env):
-    cut(env, episode=0)
-    fake_of(env).blade.state = DriveState.QUICK_STOP  # it has missed the computer's heartbeat while nothing moved
-    _, info, _ = cut(env, episode=1)
-    assert info["end"] == "finished"
-    assert any("quick stop active" in asked for asked in env.session.operator.asked)
 
 
 def test_a_listener_hears_every_reading_of_the_record_and_what_ended_the_cut(tmp_path):

@@ -40,13 +40,10 @@ class Task(NamedTuple):
     script: str
     axis: str
     action: Callable[[float, float, float], Any]
-    third: str
-    """Name of the third number of an action."""
-    group: str
-    """Name in ``info`` of the estimates."""
+    third: str  # name of the third number of an action
+    group: str  # name in ``info`` of the estimates
     estimates: set[str]
-    scale: float
-    """Depth of the blade, or distance of the line to its left, of one unit of the observation [m]."""
+    scale: float  # depth of the blade, or distance of the line to its left, of one unit of the observation [m]
 
 
 DEPTH = Task(
@@ -97,7 +94,7 @@ def test_it_has_the_simulators_spaces(task, made):
     assert env.action_space == simulated.action_space
 
 
-@pytest.mark.parametrize("name", ["RigDepthCut-v1", "RigPathCut-v1"])
+@pytest.mark.parametrize("name", ["RigCut-v1", "RigDepthCut-v1", "RigPathCut-v1"])
 def test_gymnasiums_checker_finds_nothing(name):
     check_env(gymnasium.make(f"cutenv/{name}", rig="fake").unwrapped, skip_render_check=True)
 

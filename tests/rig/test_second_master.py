@@ -18,6 +18,11 @@ STILL = 1e-4  # [m/s]
 SPEED = 0.03  # [m/s] that the other one wants
 
 
+@pytest.fixture
+def rig() -> HandMovedRig:
+    return HandMovedRig().ready()
+
+
 def intrusion(controlword: int = 0x0F, speed: float = SPEED) -> bytes:
     return struct.pack("<Hib", controlword, round(speed * MILLI_RPM_PER_M_S), 3)
 
@@ -57,10 +62,9 @@ SQUARE = [(way, every, MOMENTS[(i + j) % 3]) for i, way in enumerate(WAYS) for j
     ("words", "allowed"), [((0x0F,), 0.00025), ((0x06, 0x07, 0x0F), ALLOWED)], ids=["0f", "06 07 0f"]
 )
 def test_a_master_that_goes_on_enabling_moves_a_cutting_blade_by_less_than_a_millimetre(
-    way, every, moment, words, allowed
+    rig, way, every, moment, words, allowed
 ):
     """One that enables alone, which brakes by the quick stop; one that first takes the power, so that it coasts."""
-    rig = HandMovedRig().ready()
     rig.network.way = way
     rig.cut(0.015, 0.5)
     rig.supervisor.drive(0.015, 1.57, 0.02)
@@ -75,9 +79,8 @@ def test_a_master_that_goes_on_enabling_moves_a_cutting_blade_by_less_than_a_mil
     assert rig.node.state is not DriveState.ENABLED
 
 
-def test_each_of_its_frames_is_answered_by_a_quick_stop_even_at_rest_and_with_nobody_who_repeats():
+def test_each_of_its_frames_is_answered_by_a_quick_stop_even_at_rest_and_with_nobody_who_repeats(rig):
     """Repeated quick stops would hide a frame that is not answered."""
-    rig = HandMovedRig().ready()
     rig.cut(0.015, 0.5)
     rig.plant.spine.timers[1].stop()  # the repeated quick stops
     came: list[float] = []
@@ -102,9 +105,8 @@ def test_each_of_its_frames_is_answered_by_a_quick_stop_even_at_rest_and_with_no
     assert rig.node.state is not DriveState.ENABLED
 
 
-def test_frames_that_come_at_once_have_one_answer():
+def test_frames_that_come_at_once_have_one_answer(rig):
     """Answers are no greater load on the bus than what they answer."""
-    rig = HandMovedRig().ready()
     rig.cut(0.015, 0.5)
     rig.network.sent.clear()
     for _ in range(20):
@@ -114,9 +116,8 @@ def test_frames_that_come_at_once_have_one_answer():
     assert len(stops) == 2  # the stop, and the answer
 
 
-def test_an_answer_that_is_lost_is_repeated_as_what_it_was():
+def test_an_answer_that_is_lost_is_repeated_as_what_it_was(rig):
     """No command undoes it, also where the other master sends no second frame that would be answered."""
-    rig = HandMovedRig().ready()
     rig.cut(0.015, 0.5)
     drive, heals = rig.network.to_drive, rig.clock.now() + 0.008
     rig.network.put(0x201, intrusion())
@@ -129,8 +130,7 @@ def test_an_answer_that_is_lost_is_repeated_as_what_it_was():
 
 
 @pytest.mark.parametrize("powered", [True, False])
-def test_a_locked_rig_is_not_set_going(powered):
-    rig = HandMovedRig().ready()
+def test_a_locked_rig_is_not_set_going(rig, powered):
     rig.plant.halt()
     if not powered:
         rig.plant.switch_off()
@@ -144,8 +144,7 @@ def test_a_locked_rig_is_not_set_going(powered):
     assert rig.node.state is not DriveState.ENABLED
 
 
-def test_quick_stops_go_on_when_sync_and_samples_have_ended():
-    rig = HandMovedRig().ready()
+def test_quick_stops_go_on_when_sync_and_samples_have_ended(rig):
     rig.cut(0.015, 0.5)
     for repeating in rig.network._repeating[:2]:  # SYNC and heartbeat
         repeating.stop()
@@ -164,8 +163,7 @@ def test_quick_stops_go_on_when_sync_and_samples_have_ended():
     assert abs(start - begun) < ALLOWED
 
 
-def test_a_master_that_nobody_hears_is_stopped_by_what_the_drive_tells():
-    rig = HandMovedRig().ready()
+def test_a_master_that_nobody_hears_is_stopped_by_what_the_drive_tells(rig):
     rig.cut(0.015, 0.5)
     rig.plant.halt()
     start = rig.position
@@ -184,8 +182,7 @@ def test_a_master_that_nobody_hears_is_stopped_by_what_the_drive_tells():
     assert rig.node.state is not DriveState.ENABLED
 
 
-def test_after_it_has_gone_the_operator_can_go_on_and_not_before():
-    rig = HandMovedRig().ready()
+def test_after_it_has_gone_the_operator_can_go_on_and_not_before(rig):
     Intruder(rig, lasts=0.5)
     rig.wait(0.2)
     with pytest.raises(RigError):
@@ -223,8 +220,7 @@ def test_what_is_a_command_of_somebody_else(number, data, what):
     ("number", "data"),
     [(0x000, b"\x80\x01"), (0x601, bytes.fromhex("2B 40 60 00 0F 00 00 00")), (0x201, intrusion()), (0x77F, b"\x05")],
 )
-def test_a_single_frame_stops_a_cut_and_is_named(number, data):
-    rig = HandMovedRig().ready()
+def test_a_single_frame_stops_a_cut_and_is_named(rig, number, data):
     rig.cut(0.015, 0.5)
     start = rig.position
     rig.network.put(number, data)
@@ -236,8 +232,7 @@ def test_a_single_frame_stops_a_cut_and_is_named(number, data):
     assert abs(rig.speed) < STILL
 
 
-def test_a_quick_stop_for_good_is_two_frames_and_the_reset_takes_it_back():
-    rig = HandMovedRig().ready()
+def test_a_quick_stop_for_good_is_two_frames_and_the_reset_takes_it_back(rig):
     rig.cut(0.015, 0.2)
     rig.network.sent.clear()
     rig.network.put(0x201, intrusion())

@@ -7,6 +7,7 @@ import math
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from datetime import date
 from pathlib import Path
 from types import SimpleNamespace
@@ -442,8 +443,7 @@ def test_faults_of_a_cut_on_a_rig_with_grbl_stop_it_as_stated() -> None:
 
 
 def test_the_emulated_machine_tells_what_a_blocked_carriage_does_not_do_and_stops_at_its_switch() -> None:
-    rig = EmulatedGrblRig(SerialOptions(motion="grbl", mounted=None))
-    try:
+    with closing(EmulatedGrblRig(SerialOptions(motion="grbl", mounted=None))) as rig:
         rig.machine.blocked = True
         rig.machine._blocks.append([2.0, 6.0])
         for _ in range(500):
@@ -458,8 +458,6 @@ def test_the_emulated_machine_tells_what_a_blocked_carriage_does_not_do_and_stop
             rig.step(rig.now())
         assert rig.machine.state == "Alarm"
         assert -4.1e-3 < rig.position < -3.9e-3
-    finally:
-        rig.close()
 
 
 def test_a_stop_of_an_emulated_rig_that_was_late_itself_says_so() -> None:

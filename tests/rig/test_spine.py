@@ -103,14 +103,18 @@ def test_whatever_the_program_does_the_blade_is_stopped_in_time(end, record):
     until(lambda: not Path(f"/proc/{spine}").exists() or "closed" in [each["what"] for each in told(record)])
 
 
-def ready(clock: SystemClock | None = None, speed: float = 0.01) -> RigPlant:
-    """Open, with power, released; it has moved for a moment."""
-    plant = rig_plant(settings(), clock)
-    plant.open()
+def release(plant: RigPlant) -> None:
     plant.power()
     plant.clock.sleep_until(plant.clock.now() + 0.1)
     plant.supervisor.release()
     plant.begin()
+
+
+def ready(clock: SystemClock | None = None, speed: float = 0.01) -> RigPlant:
+    """Open, with power, released; it has moved for a moment."""
+    plant = rig_plant(settings(), clock)
+    plant.open()
+    release(plant)
     for _ in range(5):
         plant.advance(speed, UPRIGHT, 20)
     return plant
@@ -160,10 +164,7 @@ def test_a_stop_that_the_program_asks_for_is_under_way_when_it_goes_on(record):
     with pytest.raises(RigError, match="the operator has not agreed"):
         plant.supervisor.reset(agreed=False)
     plant.supervisor.reset(agreed=True)
-    plant.power()
-    plant.clock.sleep_until(plant.clock.now() + 0.1)
-    plant.supervisor.release()
-    plant.begin()
+    release(plant)
     assert len(plant.advance(0.01, UPRIGHT, 20)) == 20
     lower = dataclasses.replace(plant.settings.limits, force=1.0)
     with pytest.raises(RigError, match="between cuts"):
@@ -179,10 +180,7 @@ def test_a_rig_that_is_opened_again_is_watched_as_at_first(record):
     plant = ready()
     plant.close()
     plant.open()
-    plant.power()
-    plant.clock.sleep_until(plant.clock.now() + 0.1)
-    plant.supervisor.release()
-    plant.begin()
+    release(plant)
     assert len(plant.advance(0.01, UPRIGHT, 20)) == 20
     os.kill(plant.spine.pid, signal.SIGKILL)
     until(lambda: plant.spine.supervisor.phase == "stopped")

@@ -35,17 +35,13 @@ class Task(NamedTuple):
     on_rig: Callable[[], Any]
     simulated: type[Any]
     policy: Callable[[], Any]
-    other: dict[str, str]
-    """Options of another cut of the task."""
-    wanted: str
-    """Metadata that say which cut is wanted."""
+    other: dict[str, str]  # options of another cut of the task
+    wanted: str  # metadata that say which cut is wanted
     places: set[str]
     force: str
     apart: Callable[..., float]
-    closeness: float
-    """Greatest distance between the two sides [m]."""
-    error: str
-    """Metric of the distance from what is wanted."""
+    closeness: float  # greatest distance between the two sides [m]
+    error: str  # metric of the distance from what is wanted
     measures: Mapping[str, Any]
     measured: str
 

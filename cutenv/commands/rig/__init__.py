@@ -9,8 +9,7 @@ from collections.abc import Callable, Sequence
 from cutenv.commands.options import reports_errors
 from cutenv.rig.errors import RigError
 
-AFTER_CTRL_C = 130
-"""Exit status after Ctrl-C, SIGTERM or a closed terminal, whatever the command was doing."""
+AFTER_CTRL_C = 130  # exit status after Ctrl-C, SIGTERM or a closed terminal, whatever the command was doing
 _Main = Callable[[Sequence[str]], int]
 
 
@@ -41,10 +40,7 @@ def reports_rig_errors(name: str, *also: type[Exception], refused: int = 1) -> C
 
 
 def by_signal(cause: object) -> bool:
-    """Return whether a stop comes from a signal, such as Ctrl-C.
-
-    Others are SIGTERM and a closed terminal.
-    """
+    """Return whether a stop comes from a signal: Ctrl-C, SIGTERM, a closed terminal."""
     from cutenv.rig.safety.stop_causes import Cause
 
     return cause == Cause.INTERRUPTED

@@ -83,6 +83,7 @@ def _shown(value: float | str) -> str:
 
 def _parser() -> argparse.ArgumentParser:
     parser = command_parser("rig check", __doc__, examples=("emulator", "my_rig.toml --json"))
-    parser.add_argument("rig", metavar="RIG", help=RIG)
-    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    add = parser.option
+    add("rig RIG", RIG)
+    add("--json", "print the result as JSON")
     return parser

@@ -41,28 +41,16 @@ from cutenv.rig.devices.loop import SystemClock, preferred
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import operator_of
 
-SECTIONS_TRIED = ("blade", "angle", "height", "side", "sensor")
-"""Sections of a rig's file whose drivers can be tried."""
-Tried = dict[str, tuple[str, list[TriedPromise]]]
-"""Name of the driver, and its findings, by section."""
+SECTIONS_TRIED = ("blade", "angle", "height", "side", "sensor")  # sections of a rig's file whose drivers can be tried
+Tried = dict[str, tuple[str, list[TriedPromise]]]  # name of the driver, and its findings, by section
 
 
 def tried_drivers(rig: str, sections: list[str] | None = None) -> Tried:
     """Try the drivers of a rig, or one driver.
 
-    Parameters
-    ----------
-    rig : str
-        A rig's TOML file, the name of an emulated one, or the name of a driver that needs no options.
-    sections : list of str, optional
-        Sections to be tried; by default the blade's axis and the sensor.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        If there is no such rig and no such driver, or the file is not valid.
-    RigError
-        If a device does not answer, or the operator does not agree.
+    ``rig`` is a rig's TOML file, the name of an emulated one, or of a driver that needs no options; ``sections`` are by
+    default the blade's axis and the sensor. Raise FileNotFoundError, ValueError if there is no such rig and no such
+    driver, or the file is not valid; RigError if a device does not answer, or the operator does not agree.
     """
     if rig == FAKE:
         raise ValueError(f"a fake rig has no drivers to try. Give {', '.join(map(repr, EMULATED))}, or a rig's file.")
@@ -108,10 +96,7 @@ def _trial_way(role: str) -> str:
 
 
 def _role_of(name: str) -> str:
-    """Return the rig file's section that a driver belongs to.
-
-    A class is recognised by its methods.
-    """
+    """Return a driver's section in the rig's file, by its methods."""
     if ":" not in name:
         only_force = name in registered_drivers(DriverKind.FORCE) and name not in registered_drivers(DriverKind.MOTION)
         return "sensor" if only_force else "blade"
@@ -155,9 +140,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = command_parser(
         "rig conform", __doc__, examples=("serial", "my_rig.toml --section sensor", "my_package.stage:Stage")
     )
-    parser.add_argument("rig", metavar="RIG", help=f"{RIG}; or a driver that needs no options, such as module:Class")
-    parser.add_argument(
-        "--section", action="append", choices=SECTIONS_TRIED, help="section whose driver is tried; may be given again"
-    )
-    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    add = parser.option
+    add("rig RIG", f"{RIG}; or a driver that needs no options, such as module:Class")
+    add("--section", "section whose driver is tried; may be given again", action="append", choices=SECTIONS_TRIED)
+    add("--json", "print the result as JSON")
     return parser

@@ -29,21 +29,9 @@ class Connection(NamedTuple):
 def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connection]:
     """Connect to a rig, with every stop installed.
 
-    It is closed at the end of the block.
-
-    Parameters
-    ----------
-    rig : str
-        A rig's TOML file, or one of :data:`~cutenv.rig.config.settings.RIG_NAMES`: these have the blade in air.
-    clock : FakeClock, optional
-        Clock of a fake rig.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        If the file is missing or not valid.
-    RigError
-        If the rig is not there, or differs from its file.
+    It is closed at the end of the block. ``rig`` is its TOML file, or one of
+    :data:`~cutenv.rig.config.settings.RIG_NAMES`: these have the blade in air. Raise FileNotFoundError, ValueError if
+    the file is missing or not valid; RigError if the rig is not there, or differs from its file.
     """
     emulator = None
     with ExitStack() as stack:

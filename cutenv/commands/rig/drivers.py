@@ -78,6 +78,7 @@ def _lines(told: list[dict[str, Any]]) -> Iterator[str]:
 
 def _parser() -> argparse.ArgumentParser:
     parser = command_parser("rig drivers", __doc__, examples=("", "canopen", "my_package.stage:Stage --json"))
-    parser.add_argument("name", nargs="?", metavar="NAME", help="driver to explain; default all are listed")
-    parser.add_argument("--json", action="store_true", help="print the list as JSON")
+    add = parser.option
+    add("name NAME", "driver to explain; default all are listed", nargs="?")
+    add("--json", "print the list as JSON")
     return parser

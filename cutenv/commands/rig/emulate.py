@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cutenv.commands.options import add_specimen_class, command_parser, made_place, reports_errors
+from cutenv.commands.options import add_option, add_specimen_class, command_parser, made_place, reports_errors
 from cutenv.rig.config.settings import Axis
 
 if TYPE_CHECKING:
@@ -168,47 +168,61 @@ def _parser() -> argparse.ArgumentParser:
         ),
         note="Drivers meet it by python-can's interface socketcand, channel vcan0, and by UDP. Ctrl-C ends it.",
     )
-    add = parser.add_argument
-    add("--seed", type=int, default=0, metavar="N", help="seed of the specimen; default 0")
-    add("--episode", type=int, default=0, metavar="N", help="number of the specimen under its seed; default 0")
+    add = parser.option
+    add("--seed N", "seed of the specimen; default 0", 0)
+    add("--episode N", "number of the specimen under its seed; default 0", 0)
     add_specimen_class(parser, "liver")
-    add("--tissue", type=Path, metavar="FILE", help="tissue that the specimen is drawn from; default pig liver")
-    add("--free-air", action="store_true", help="no specimen: the blade moves in air")
-    add(
-        "--angle", choices=("free", "fixed"), default="free", help="whether a second axis turns the blade; default free"
-    )
-    add(
-        "--angle-deg", type=float, default=90.0, metavar="DEG", help="angle of the blade at the start [deg]; default 90"
-    )
-    add("--height", action="store_true", help="a further axis raises and lowers the blade")
-    add("--side", action="store_true", help="a further axis moves the blade to the side")
+    add("--tissue FILE", "tissue that the specimen is drawn from; default pig liver", Path)
+    add("--free-air", "no specimen: the blade moves in air")
+    add("--angle", "whether a second axis turns the blade; default free", "free", choices=("free", "fixed"))
+    add("--angle-deg DEG", "angle of the blade at the start [deg]; default 90", 90.0)
+    add("--height", "a further axis raises and lowers the blade")
+    add("--side", "a further axis moves the blade to the side")
     slow = parser.add_mutually_exclusive_group()
-    slow.add_argument("--serial", action="store_true", help="a board with stepper and load cell on a serial line, not "
-                      "CAN and Net F/T")  # fmt: skip
-    slow.add_argument("--grbl", action="store_true", help="a machine with GRBL, and a board with the load cell")
-    add("--converter", choices=("hx711", "ads1220", "nau7802"), default="hx711", help="converter of the load cell of a "
-        "serial rig; default hx711")  # fmt: skip
-    add("--no-zero", action="store_true", help="a serial rig, or one with GRBL, whose zero nobody has set yet")
-    add("--fault", action="append", default=[], metavar="NAME@SECONDS", help="fault to raise at this time; "
-        "NAME:KEY=VALUE,KEY=VALUE@SECONDS with parameters; may be given again")  # fmt: skip
-    add("--list-faults", action="store_true", help="print the faults and their parameters, and end")
-    add("--force-limit-N", type=float, default=15.0, metavar="N", help="true force whose crossing is noted [N]; "
-        "default 15")  # fmt: skip
+    add_option(slow, "--serial", "a board with stepper and load cell on a serial line, not CAN and Net F/T")
+    add_option(slow, "--grbl", "a machine with GRBL, and a board with the load cell")
+    add(
+        "--converter",
+        "converter of the load cell of a serial rig; default hx711",
+        "hx711",
+        choices=("hx711", "ads1220", "nau7802"),
+    )
+    add("--no-zero", "a serial rig, or one with GRBL, whose zero nobody has set yet")
+    add(
+        "--fault NAME@SECONDS",
+        "fault to raise at this time; NAME:KEY=VALUE,KEY=VALUE@SECONDS with parameters; may be given again",
+        action="append",
+        default=[],
+    )
+    add("--list-faults", "print the faults and their parameters, and end")
+    add("--force-limit-N N", "true force whose crossing is noted [N]; default 15", 15.0)
     for option, _, _, metavar, about in _CONSTANTS:
-        add(option, type=float, metavar=metavar, help=about)
-    add("--range", choices=("task", "thesis"), default="task", help="mechanical range: task (43 to 92 deg, 2.65 cm/s) "
-        "or thesis (0 to 180 deg, which is 90 either way from upright, and 3.81 cm/s); default task")  # fmt: skip
-    add("--sensor", choices=("netft", "analogue"), default="netft", help="force sensor: a Net F/T, or an analogue "
-        "six-axis one on a board; default netft")  # fmt: skip
-    add("--calibration", default="jr3_85m35a_i40", metavar="FILE", help="matrix and converter of the analogue sensor; "
-        "default the shipped one, in its resolution the thesis's JR3")  # fmt: skip
-    add("--host", default="127.0.0.1", metavar="ADDRESS", help="address to listen on; default 127.0.0.1, this computer "
-        "alone")  # fmt: skip
+        add(f"{option} {metavar}", about, float)
+    add(
+        "--range",
+        "mechanical range: task (43 to 92 deg, 2.65 cm/s) "
+        "or thesis (0 to 180 deg, which is 90 either way from upright, and 3.81 cm/s); default task",
+        "task",
+        choices=("task", "thesis"),
+    )
+    add(
+        "--sensor",
+        "force sensor: a Net F/T, or an analogue six-axis one on a board; default netft",
+        "netft",
+        choices=("netft", "analogue"),
+    )
+    add(
+        "--calibration FILE",
+        "matrix and converter of the analogue sensor; default the shipped one, in its resolution the thesis's JR3",
+        "jr3_85m35a_i40",
+    )
+    add("--host ADDRESS", "address to listen on; default 127.0.0.1, this computer alone", "127.0.0.1")
     for name, used in (("can", "the CAN bus"), ("sensor", "the force sensor"), ("page", "the sensor's page"),
                        ("control", "controlling the emulator")):  # fmt: skip
-        add(f"--{name}-port", type=int, default=0, metavar="PORT", help=f"port of {used}; default a free one")
-    add("--real-time", action="store_true", help="take priority over other processes, if the system allows")
-    add("--write", type=Path, metavar="FILE", help="rig file to write, for 'cutenv rig run --rig FILE'")
-    add("--with-parent", type=int, nargs="?", const=0, metavar="PID", help="end when the process PID ends; default "
-        "the one that started this")  # fmt: skip
+        add(f"--{name}-port PORT", f"port of {used}; default a free one", 0)
+    add("--real-time", "take priority over other processes, if the system allows")
+    add("--write FILE", "rig file to write, for 'cutenv rig run --rig FILE'", Path)
+    add(
+        "--with-parent PID", "end when the process PID ends; default the one that started this", int, nargs="?", const=0
+    )
     return parser

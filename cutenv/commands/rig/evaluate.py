@@ -15,19 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from cutenv._base.output import progress_bar
 from cutenv._base.validation import nearest_choices
-from cutenv.commands.options import (
-    RIG,
-    add_question,
-    add_specimen_class,
-    add_target_length,
-    add_task,
-    command_parser,
-    length_given,
-    made_folder,
-    made_place,
-    question_given,
-    target_length,
-)
+from cutenv.commands import options
 from cutenv.commands.rig import AFTER_CTRL_C, by_signal, reports_rig_errors
 from cutenv.rig.errors import RigError
 from cutenv.task.registry import TASKS
@@ -46,8 +34,7 @@ _PAGE, _RECORDS = "evaluation.html", "records"
 _ASKED = (
     "policies", "task", "seed", "specimen_class", "target_length", "error", "smallest", "opening", "draws", "unknown",
 )  # fmt: skip
-SMALLEST_RETURN = 0.05
-"""Smallest difference of returns that matters, by default [1]."""
+SMALLEST_RETURN = 0.05  # smallest difference of returns that matters, by default [1]
 
 
 @reports_rig_errors("evaluate", ImportError, TypeError, refused=2)
@@ -127,7 +114,7 @@ def _shared(arguments: argparse.Namespace, wanted: Mapping[str, Any]) -> dict[st
     from cutenv.drivers.rig_names import settings_of
 
     shared: dict[str, Any] = {"specimen_class": arguments.specimen_class, "tissue": arguments.tissue}
-    shared["target_length"] = target_length(arguments)
+    shared["target_length"] = options.target_length(arguments)
     shared, note = paced(
         shared | {name: wanted[name] for name in _OF_BOTH if name in wanted}, settings_of(arguments.rig)
     )
@@ -156,14 +143,14 @@ def rig_comparison(arguments: argparse.Namespace, *, records: Path | None = None
     wanted = [{name: given[name] for name in _OF_BOTH if name in given} for _, given in found]
     if wanted[0] != wanted[1]:
         raise ValueError(f"POLICY OTHER: {names[0]!r} needs {wanted[0]}, and {names[1]!r} {wanted[1]}. Take two alike.")
-    opening = length_given(arguments, "opening", (0.020, 0.050), "Write 25mm.")
+    opening = options.length_given(arguments, "opening", (0.020, 0.050), "Write 25mm.")
     changed: dict[str, Any] = dict(_constant(text) for text in arguments.change)
     shared = _shared(arguments, wanted[0])
     rig: RigCutEnv = TASKS[arguments.task].rig(rig=arguments.rig, records=records, **shared, **changed)
     try:
         yield RigComparison(
             rig=rig, simulator=_simulator(rig, shared, changed), policies=(found[0][0], found[1][0]), names=names,
-            question=question_given(arguments, smallest=SMALLEST_RETURN), seed=arguments.seed,
+            question=options.question_given(arguments, smallest=SMALLEST_RETURN), seed=arguments.seed,
             apart=arguments.unknown or not rig.draws_specimens, opening=opening, draws=arguments.draws,
         )  # fmt: skip
     finally:
@@ -180,7 +167,7 @@ def decide(arguments: argparse.Namespace) -> int:
             raise ValueError(f"--{option} is for one policy beside the simulator: leave it out with --until decided.")
     if arguments.out is None:
         raise ValueError("--until decided keeps every cut: give --out FOLDER.")
-    out = made_folder("--out", arguments.out)
+    out = options.made_folder("--out", arguments.out)
     with rig_comparison(arguments, records=out / _RECORDS / "rig") as comparison:
         kept = KeptCuts(
             out,
@@ -240,9 +227,9 @@ def _check_out(arguments: argparse.Namespace) -> None:
     if out is not None and out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise FileExistsError(f"--out {out} is there already and not empty; give another folder.")
     if out is not None:
-        made_folder("--out", out)
+        options.made_folder("--out", out)
     if arguments.json is not None:
-        made_place("--json", arguments.json)
+        options.made_place("--json", arguments.json)
 
 
 def _write(arguments: argparse.Namespace, evaluation: Evaluation) -> None:
@@ -273,7 +260,7 @@ def _progress(specimens: int, stack: ExitStack) -> ProgressCallback:
 def _parser() -> argparse.ArgumentParser:
     from cutenv.agents.sim_to_real.paired_experiment import DRAWS
 
-    parser = command_parser(
+    parser = options.command_parser(
         "rig evaluate",
         __doc__,
         examples=(
@@ -285,40 +272,49 @@ def _parser() -> argparse.ArgumentParser:
         ),
         note="Exit status: 0 where both agree or more specimens are needed, 1 where they differ, 2 for an error.",
     )
-    add = parser.add_argument
-    add("policies", nargs="*", metavar="POLICY", help="with --until decided: the two policies to compare on the rig")
-    add("--policy", metavar="POLICY", help="policy to compare with itself in the simulator: name of a script or of a "
-        "shipped policy, or folder of a trained policy")  # fmt: skip
-    add("--rig", required=True, metavar="RIG", help=RIG)
-    add_task(parser, "rig")
-    add("--specimens", type=int, default=20, metavar="N", help="number of specimens, 6 or more; default 20")
-    add_specimen_class(parser, "mixed")
-    add_target_length(parser, "drawn from 60mm to 100mm")
-    add("--tissue", type=Path, metavar="FILE", help="tissue that specimens are drawn from; default measured pig liver")
-    add("--specimen", type=Path, metavar="FILE", help="specimen whose tissue is known, as JSON, of which every cut is "
-        "made: blocks from one mould; a gain of the force then shows")  # fmt: skip
-    add("--unknown", action="store_true", help="treat the specimens of an emulated or fake rig as a lab's, which are "
-        "known by their records alone")  # fmt: skip
-    add("--seed", type=int, default=0, metavar="N", help="seed of the specimens; default 0")
-    add("--draws", type=int, default=DRAWS, metavar="N",
-        help=f"simulated cuts of every specimen, each with other noise; default {DRAWS}")  # fmt: skip
+    add = parser.option
+    add("policies POLICY", "with --until decided: the two policies to compare on the rig", nargs="*")
     add(
-        "--change", action="append", default=[], metavar="NAME=NUMBER",
-        help="replace a constant of an emulated or fake rig, in SI, to see whether it shows: force_delay=0.04",
-    )  # fmt: skip
-    add("--out", type=Path, metavar="FOLDER", help=f"folder of {_PAGE} and the records of all cuts")
-    add("--json", type=Path, metavar="FILE", help="file for every number that was found")
-    add_question(parser, unit="pair of cuts", smallest=f"{SMALLEST_RETURN:g} of return", most=400)
-    add_opening(parser)
-    add(
-        "--missing", metavar="REASON", help="the pair with one cut alone cannot be completed: leave it out, and say why"
+        "--policy POLICY",
+        "policy to compare with itself in the simulator: name of a script or of a "
+        "shipped policy, or folder of a trained policy",
     )
+    add("--rig RIG", options.RIG, required=True)
+    options.add_task(parser, "rig")
+    add("--specimens N", "number of specimens, 6 or more; default 20", 20)
+    options.add_specimen_class(parser, "mixed")
+    options.add_target_length(parser, "drawn from 60mm to 100mm")
+    add("--tissue FILE", "tissue that specimens are drawn from; default measured pig liver", Path)
+    add(
+        "--specimen FILE",
+        "specimen whose tissue is known, as JSON, of which every cut is "
+        "made: blocks from one mould; a gain of the force then shows",
+        Path,
+    )
+    add(
+        "--unknown", "treat the specimens of an emulated or fake rig as a lab's, which are known by their records alone"
+    )
+    add("--seed N", "seed of the specimens; default 0", 0)
+    add("--draws N", f"simulated cuts of every specimen, each with other noise; default {DRAWS}", DRAWS)
+    add(
+        "--change NAME=NUMBER",
+        "replace a constant of an emulated or fake rig, in SI, to see whether it shows: force_delay=0.04",
+        action="append",
+        default=[],
+    )
+    add("--out FOLDER", f"folder of {_PAGE} and the records of all cuts", Path)
+    add("--json FILE", "file for every number that was found", Path)
+    options.add_question(parser, unit="pair of cuts", smallest=f"{SMALLEST_RETURN:g} of return", most=400)
+    add_opening(parser)
+    add("--missing REASON", "the pair with one cut alone cannot be completed: leave it out, and say why")
     return parser
 
 
 def add_opening(parser: argparse.ArgumentParser) -> None:
     """Add ``--opening``, the length of the measured opening."""
-    parser.add_argument(
-        "--opening", metavar="LENGTH", help="let both policies take over after the same slow feed of this length, such "
+    options.add_option(
+        parser,
+        "--opening LENGTH",
+        "let both policies take over after the same slow feed of this length, such "
         "as 25mm, by which twins of both places correct their difference; with --unknown on an emulated or fake rig",
-    )  # fmt: skip
+    )

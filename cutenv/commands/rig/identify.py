@@ -86,9 +86,8 @@ def _report(found: Identification, settings: RigSettings, arguments: argparse.Na
 
 def _parser() -> argparse.ArgumentParser:
     parser = command_parser("rig identify", __doc__, examples=("emulator", "my_rig.toml --write --picture answers.png"))
-    parser.add_argument("rig", metavar="RIG", help=RIG)
-    parser.add_argument("--write", action="store_true", help="write the constants found into the file's [identified]")
-    parser.add_argument(
-        "--picture", type=Path, metavar="FILE.png", help="picture of the measured answers over the fitted model"
-    )
+    add = parser.option
+    add("rig RIG", RIG)
+    add("--write", "write the constants found into the file's [identified]")
+    add("--picture FILE.png", "picture of the measured answers over the fitted model", Path)
     return parser

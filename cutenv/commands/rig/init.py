@@ -60,11 +60,16 @@ def _parser() -> argparse.ArgumentParser:
     parser = command_parser(
         "rig init", __doc__, examples=("my_rig.toml", "my_rig.toml --profile serial", "my_rig.toml --sensor bota")
     )
-    parser.add_argument("file", type=Path, metavar="FILE.toml", help="file to write, which must not exist yet")
-    parser.add_argument("--profile", choices=PROFILES, default="canopen", help="kind of rig: a CANopen drive and a Net "
-                        "F/T; a stepper and a load cell on a board; a machine with GRBL and such a load cell; "
-                        "default canopen")  # fmt: skip
-    parser.add_argument("--sensor", choices=SENSORS, help="a Bota sensor, or a Robotiq FT 300, in place of the force "
-                        "sensor of the profile")  # fmt: skip
-    parser.add_argument("--name", metavar="NAME", help="name of the rig; default the file's")
+    add = parser.option
+    add("file FILE.toml", "file to write, which must not exist yet", Path)
+    add(
+        "--profile",
+        "kind of rig: a CANopen drive and a Net "
+        "F/T; a stepper and a load cell on a board; a machine with GRBL and such a load cell; "
+        "default canopen",
+        "canopen",
+        choices=PROFILES,
+    )
+    add("--sensor", "a Bota sensor, or a Robotiq FT 300, in place of the force sensor of the profile", choices=SENSORS)
+    add("--name NAME", "name of the rig; default the file's")
     return parser

@@ -57,12 +57,8 @@ class TerminalKeys:
 def terminal_keys(source: TextIO | None = None) -> Iterator[TerminalKeys]:
     """Read keys of a terminal; restore its mode at the end.
 
-    Standard input by default. Text typed before is discarded.
-
-    Raises
-    ------
-    RigError
-        If it is not a terminal, or the system has none that can be read key by key.
+    Standard input by default. Text typed before is discarded. Raise RigError if it is not a terminal, or the system has
+    none that can be read key by key.
     """
     check_terminal(source)
     import termios
@@ -114,12 +110,12 @@ def _show(line: str) -> None:
 
 def _parser() -> argparse.ArgumentParser:
     parser = command_parser("rig jog", __doc__, examples=("my_rig.toml", "my_rig.toml --speed 1"))
-    parser.add_argument("rig", metavar="RIG", help=RIG)
-    parser.add_argument(
-        "--speed",
-        type=float,
+    add = parser.option
+    add("rig RIG", RIG)
+    add(
+        "--speed MM_S",
+        f"speed while a key is held [mm/s], up to {1e3 * TOP_SPEED:g}; default {1e3 * SPEED:g}",
+        float,
         default=1e3 * SPEED,
-        metavar="MM_S",
-        help=f"speed while a key is held [mm/s], up to {1e3 * TOP_SPEED:g}; default {1e3 * SPEED:g}",
     )
     return parser

@@ -47,16 +47,16 @@ def _parser() -> argparse.ArgumentParser:
     parser = command_parser(
         "rig plan", __doc__, examples=('"return stroke" "probe and creep" --rig fake --unknown --smallest 0.1',)
     )
-    add = parser.add_argument
-    add("policies", nargs=2, metavar="POLICY", help="the two policies")
-    add("--rig", required=True, metavar="RIG", help=RIG)
+    add = parser.option
+    add("policies POLICY", "the two policies", nargs=2)
+    add("--rig RIG", RIG, required=True)
     add_task(parser, "rig")
-    add("--pilot", type=int, default=100, metavar="N", help="number of simulated pairs; default 100")
+    add("--pilot N", "number of simulated pairs; default 100", 100)
     add_specimen_class(parser, "mixed")
     add_target_length(parser, "drawn from 60mm to 100mm")
-    add("--tissue", type=Path, metavar="FILE", help="tissue that specimens are drawn from; default measured pig liver")
-    add("--unknown", action="store_true", help="let the two cuts of a pair lie side by side, as a lab's do")
-    add("--seed", type=int, default=0, metavar="N", help="seed of the specimens; default 0")
+    add("--tissue FILE", "tissue that specimens are drawn from; default measured pig liver", Path)
+    add("--unknown", "let the two cuts of a pair lie side by side, as a lab's do")
+    add("--seed N", "seed of the specimens; default 0", 0)
     add_question(parser, unit="pair of cuts", smallest=f"{SMALLEST_RETURN:g} of return", most=400, always=True)
     parser.set_defaults(change=[], opening=None, draws=2)
     return parser

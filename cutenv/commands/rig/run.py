@@ -18,21 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cutenv._base.validation import nearest_choices
-from cutenv.commands.options import (
-    RIG,
-    add_line,
-    add_lsl,
-    add_specimen_class,
-    add_target_length,
-    add_task,
-    add_watch,
-    check_line,
-    command_parser,
-    line_given,
-    made_folder,
-    made_place,
-    target_length,
-)
+from cutenv.commands import options
 from cutenv.commands.rig import AFTER_CTRL_C, by_signal, reports_rig_errors
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.canopen.objects import ENABLE_OPERATION, AxisUnits, command_frame
@@ -51,16 +37,7 @@ _STEPS = 1000  # milli-rpm, which the axis asks its drive for
 class Transcript:
     """Listing of commands: time, axis, speed, CAN frame.
 
-    Repetitions are only counted.
-
-    Parameters
-    ----------
-    settings : RigSettings
-        Gear, lead, encoder and node of each axis.
-    start : float
-        Time shown as zero [s].
-    write : callable
-        Called with each line.
+    Repetitions are only counted. ``start``: time shown as zero [s]; ``write``: called with each line.
     """
 
     def __init__(self, settings: RigSettings, start: float, write: Callable[[str], None]) -> None:
@@ -104,18 +81,9 @@ def main(argv: Sequence[str]) -> int:
 def chosen_policy(name: str, task: str = "gentle") -> tuple[Policy, dict[str, Any]]:
     """Return a policy by name, and its environment's arguments.
 
-    Parameters
-    ----------
-    name : str
-        Name; ``MODULE:CLASS`` is a :class:`~cutenv.agents.policy.Policy` of your own, in the present folder or an
-        installed module.
-    task : str
-        Task that it is for, of :data:`cutenv.task.registry.TASKS`.
-
-    Raises
-    ------
-    ValueError, FileNotFoundError
-        If there is no such policy, or it is for another task.
+    ``MODULE:CLASS`` is a :class:`~cutenv.agents.policy.Policy` of your own, in the present folder or an installed
+    module; ``task`` is of :data:`cutenv.task.registry.TASKS`. Raise ValueError, FileNotFoundError if there is no such
+    policy, or it is for another task.
     """
     from cutenv.agents.policy import gentle_policy, named_policy
     from cutenv.agents.policy.interface import PrivilegedPolicy
@@ -173,8 +141,8 @@ def _environment(arguments: argparse.Namespace, keywords: dict[str, Any], **more
     if note:
         print(f"cutenv rig run: {note}", file=sys.stderr)
     if arguments.line is not None:
-        check_line(arguments.line, [arguments.task])
-        keywords = {**keywords, "line": arguments.line if arguments.line in KINDS else line_given(arguments)}
+        options.check_line(arguments.line, [arguments.task])
+        keywords = {**keywords, "line": arguments.line if arguments.line in KINDS else options.line_given(arguments)}
     lower = {
         "force": arguments.force_limit_N,
         "speed": None if arguments.speed_limit_cm_s is None else 1e-2 * arguments.speed_limit_cm_s,
@@ -183,7 +151,7 @@ def _environment(arguments: argparse.Namespace, keywords: dict[str, Any], **more
     env: RigCutEnv = TASKS[arguments.task].rig(
         rig=arguments.rig,
         specimen_class=arguments.specimen_class,
-        target_length=target_length(arguments),
+        target_length=options.target_length(arguments),
         tissue=arguments.tissue,
         lower_limits={name: value for name, value in lower.items() if value is not None},
         **keywords,
@@ -220,9 +188,9 @@ def _run(arguments: argparse.Namespace) -> int:
 
     if arguments.lsl and arguments.rig == "fake":
         raise ValueError("--lsl streams in real time, which a fake rig has none of. Give --rig emulator, or a file.")
-    made_folder("--out", arguments.out)
+    options.made_folder("--out", arguments.out)
     if arguments.json is not None:
-        made_place("--json", arguments.json)
+        options.made_place("--json", arguments.json)
     policy, keywords = chosen_policy(arguments.policy, arguments.task)
     env = _environment(arguments, keywords, records=arguments.out)
     outlet = None
@@ -260,12 +228,7 @@ def _run(arguments: argparse.Namespace) -> int:
 def rehearse(env: RigCutEnv, policy: Policy, *, seed: int) -> dict[str, Any]:
     """Cut once on a fake with the rig's settings.
 
-    A policy so compiles, or fails, before the rig moves.
-
-    Returns
-    -------
-    dict
-        The result, as of :func:`cut_and_report`.
+    A policy so compiles, or fails, before the rig moves. Return the result, as of :func:`cut_and_report`.
     """
     fake = env.rehearsal()
     try:
@@ -345,7 +308,7 @@ def _line(number: int, told: dict[str, Any], env: RigCutEnv, task: RegisteredTas
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = command_parser(
+    parser = options.command_parser(
         "rig run",
         __doc__,
         examples=(
@@ -358,26 +321,34 @@ def _parser() -> argparse.ArgumentParser:
         note="Limits given here may only be lower than those of the rig's file. A rig that moves needs the file's\n"
         "armed_by, a valid calibration, and the operator's typed word.",
     )
-    add = parser.add_argument
-    add("--policy", required=True, metavar="POLICY", help="name of a script or of a shipped policy, folder of a "
-        "trained policy, or MODULE:CLASS of your own")  # fmt: skip
-    add("--rig", required=True, metavar="RIG", help=RIG)
-    add_task(parser, "rig")
-    add_line(parser, "of a task along one: a kind that is drawn, arc, s, excision, random; or", "any that is drawn")
-    add("--cuts", type=int, default=1, metavar="N", help="number of cuts, one after the other; default 1")
-    add("--seed", type=int, default=0, metavar="N", help="seed of target lengths and of drawn specimens; default 0")
-    add_target_length(parser, "drawn from 60mm to 100mm")
-    add_specimen_class(parser, "mixed")
-    add("--tissue", type=Path, metavar="FILE", help="tissue that the rig expects to cut; default measured pig liver")
-    add("--out", type=Path, default=Path("cuts"), metavar="FOLDER", help="folder of the records; default cuts")
-    add("--json", type=Path, metavar="FILE", help="file that gets a line of JSON for every cut, at its end")
-    add("--force-limit-N", type=float, metavar="N", help="limit of each axis of the force [N]")
-    add("--speed-limit-cm-s", type=float, metavar="CM_S", help="limit of the blade's speed [cm/s]")
-    add("--travel-limit-mm", type=float, metavar="MM", help="limit of the blade's travel from the clamp [mm]")
-    add_lsl(parser)
-    add_watch(parser, "publish force, position and stops on this machine, for 'cutenv serve FOLDER --watch'")
+    add = parser.option
     add(
-        "--dry-run", type=float, nargs="?", const=2.0, metavar="SECONDS",
-        help="connect to nothing; print every frame that would command a drive in the first seconds (default 2)",
-    )  # fmt: skip
+        "--policy POLICY",
+        "name of a script or of a shipped policy, folder of a trained policy, or MODULE:CLASS of your own",
+        required=True,
+    )
+    add("--rig RIG", options.RIG, required=True)
+    options.add_task(parser, "rig")
+    options.add_line(
+        parser, "of a task along one: a kind that is drawn, arc, s, excision, random; or", "any that is drawn"
+    )
+    add("--cuts N", "number of cuts, one after the other; default 1", 1)
+    add("--seed N", "seed of target lengths and of drawn specimens; default 0", 0)
+    options.add_target_length(parser, "drawn from 60mm to 100mm")
+    options.add_specimen_class(parser, "mixed")
+    add("--tissue FILE", "tissue that the rig expects to cut; default measured pig liver", Path)
+    add("--out FOLDER", "folder of the records; default cuts", Path("cuts"))
+    add("--json FILE", "file that gets a line of JSON for every cut, at its end", Path)
+    add("--force-limit-N N", "limit of each axis of the force [N]", float)
+    add("--speed-limit-cm-s CM_S", "limit of the blade's speed [cm/s]", float)
+    add("--travel-limit-mm MM", "limit of the blade's travel from the clamp [mm]", float)
+    options.add_lsl(parser)
+    options.add_watch(parser, "publish force, position and stops on this machine, for 'cutenv serve FOLDER --watch'")
+    add(
+        "--dry-run SECONDS",
+        "connect to nothing; print every frame that would command a drive in the first seconds (default 2)",
+        float,
+        nargs="?",
+        const=2.0,
+    )
     return parser

@@ -12,15 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cutenv._base.validation import in_range
+from cutenv.commands import options
 from cutenv.commands.inputs import chosen_cut, read_records
-from cutenv.commands.options import (
-    add_cut,
-    add_record_options,
-    add_specimen_class,
-    command_parser,
-    made_picture,
-    reports_errors,
-)
 from cutenv.rig.config.settings import EMULATOR, FAKE
 from cutenv.rig.errors import RigError
 from cutenv.sim.cutting.drive import DRIVES
@@ -34,7 +27,7 @@ _LENGTH = 0.1  # [m] of the cut
 _USUAL = 1.27  # [cm/s]
 
 
-@reports_errors("rig speed", RigError)
+@options.reports_errors("rig speed", RigError)
 def main(argv: Sequence[str]) -> int:
     """Draw speeds; return 0, or 2 on bad input or rig."""
     arguments = _parser().parse_args(argv)
@@ -50,7 +43,7 @@ def main(argv: Sequence[str]) -> int:
     speed = in_range("--speed-cm-s", arguments.speed_cm_s or _USUAL, 0.05, 3.81, "cm/s", "The rig reaches 3.81.") / 100
     given = dict(_gain(text) for text in arguments.gain)
     if arguments.picture is not None:
-        made_picture("--picture", arguments.picture)
+        options.made_picture("--picture", arguments.picture)
     trace = _cut(str(source), speed, given, arguments) if made else chosen_cut(read_records(arguments), arguments.cut)
     from cutenv.records.measurement import speed_tracking
 
@@ -126,7 +119,7 @@ def _simulated(speed: float, given: dict[str, float], arguments: argparse.Namesp
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = command_parser(
+    parser = options.command_parser(
         "rig speed",
         __doc__,
         examples=(
@@ -135,20 +128,26 @@ def _parser() -> argparse.ArgumentParser:
             "cut.csv --speed-cm-s 1.27 --picture speed.png",
         ),
     )
-    add_record_options(parser, files=1, metavar="SOURCE", about='"simulator", "emulator", "fake", or a record of a cut')
-    add_cut(parser)
-    parser.add_argument(
-        "--speed-cm-s", type=float, metavar="SPEED", help=f"desired speed [cm/s]; default {_USUAL:g}, of a record none"
+    add = parser.option
+    options.add_record_options(
+        parser, files=1, metavar="SOURCE", about='"simulator", "emulator", "fake", or a record of a cut'
     )
-    parser.add_argument(
-        "--drive", choices=tuple(DRIVES), default="rig",
-        help="drive of the simulator or rig: rig (velocity loop), pd (PD control of position), hand; default rig",
-    )  # fmt: skip
-    parser.add_argument(
-        "--set", dest="gain", action="append", default=[], metavar="NAME=NUMBER",
-        help="constant of drive, sensor or law by its name in the table of constants, SI; may be given again",
-    )  # fmt: skip
-    add_specimen_class(parser, "liver")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the specimen; default 0")
-    parser.add_argument("--picture", type=Path, metavar="FILE.png", help="picture to draw")
+    options.add_cut(parser)
+    add("--speed-cm-s SPEED", f"desired speed [cm/s]; default {_USUAL:g}, of a record none", float)
+    add(
+        "--drive",
+        "drive of the simulator or rig: rig (velocity loop), pd (PD control of position), hand; default rig",
+        "rig",
+        choices=tuple(DRIVES),
+    )
+    add(
+        "--set NAME=NUMBER",
+        "constant of drive, sensor or law by its name in the table of constants, SI; may be given again",
+        dest="gain",
+        action="append",
+        default=[],
+    )
+    options.add_specimen_class(parser, "liver")
+    add("--seed N", "seed of the specimen; default 0", 0)
+    add("--picture FILE.png", "picture to draw", Path)
     return parser

@@ -84,8 +84,13 @@ def _parser() -> argparse.ArgumentParser:
         __doc__,
         examples=("my_rig.toml --masses 0g 100g 200g 500g --write", "my_rig.toml --masses 0g 500g"),
     )
-    parser.add_argument("rig", metavar="RIG", help=RIG)
-    parser.add_argument("--masses", nargs="+", required=True, metavar="MASS", help="masses in order, with their units: "
-                        "0g for none, two different ones at least")  # fmt: skip
-    parser.add_argument("--write", action="store_true", help="write the result and today's date into the rig's file")
+    add = parser.option
+    add("rig RIG", RIG)
+    add(
+        "--masses MASS",
+        "masses in order, with their units: 0g for none, two different ones at least",
+        nargs="+",
+        required=True,
+    )
+    add("--write", "write the result and today's date into the rig's file")
     return parser

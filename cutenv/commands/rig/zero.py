@@ -35,5 +35,5 @@ def main(argv: Sequence[str]) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = command_parser("rig zero", __doc__, examples=("my_rig.toml", "serial"))
-    parser.add_argument("rig", metavar="RIG", help=RIG)
+    parser.option("rig RIG", RIG)
     return parser

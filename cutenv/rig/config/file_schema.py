@@ -16,33 +16,15 @@ from cutenv.rig.config.settings import RigSettings
 
 
 class FileKey(NamedTuple):
-    """One line of the file, for a field that :func:`~cutenv.rig.config.settings.setting` declares.
+    """One line of the file, for a field that :func:`~cutenv.rig.config.settings.setting` declares."""
 
-    Attributes
-    ----------
-    field : str
-        Name of the field.
-    unit : Unit
-        Unit in the file; that named "1" for a count, a ratio or a text.
-    kind : type
-        Type of the value: bool, int, float, str or tuple; for an optional one, its type if given.
-    choices : tuple of str
-        Texts allowed; empty if any is.
-    default : object
-        Default in SI.
-    limits : (float, float) or None
-        Least and greatest value in the file's unit, if the field documents them.
-    meaning, example : str
-        Explanation for the comment; plausible value if there is no default.
-    """
-
-    field: str
-    unit: Unit
-    kind: type[Any]
-    choices: tuple[str, ...]
-    default: Any
-    limits: tuple[float, float] | None
-    meaning: str
+    field: str  # name of the field
+    unit: Unit  # unit in the file; that named "1" for a count, a ratio or a text
+    kind: type[Any]  # type of the value: bool, int, float, str or tuple; for an optional one, its type if given
+    choices: tuple[str, ...]  # texts allowed; empty if any is
+    default: Any  # default in SI
+    limits: tuple[float, float] | None  # least and greatest value in the file's unit, if the field documents them
+    meaning: str  # explanation for the comment; plausible value if there is no default
     example: str
 
     @property
@@ -63,10 +45,7 @@ class FileKey(NamedTuple):
 
 
 class FileSection(NamedTuple):
-    """One table of the file.
-
-    The one without a name is at the top.
-    """
+    """One table of the file. The one without a name is at the top."""
 
     name: str
     about: str
@@ -127,8 +106,7 @@ def _without_none(hint: Any) -> Any:
 
 SECTIONS = tuple(_sections())
 
-IDENTIFIED = SECTIONS[-1]
-"""Section that the program itself writes."""
+IDENTIFIED = SECTIONS[-1]  # section that the program itself writes
 
 
 def setting_text(settings: RigSettings, field: str) -> str:

@@ -1,7 +1,4 @@
-"""Specimen on a rig's bench.
-
-A drawn one on an emulated or fake rig, or a depth of cut measured by caliper.
-"""
+"""Specimen on a rig's bench: drawn, or measured by caliper."""
 
 from __future__ import annotations
 
@@ -32,8 +29,7 @@ class MountedSpecimen:
     tissue: TissueDescription | None = None
     specimen: Specimen | None = None
     """Specimen that is given instead of drawn; seed and episode then only select the sensor's noise."""
-    layers: Layers | None = None
-    """Layers over its depth, for a rig with a height axis; default one tissue throughout."""
+    layers: Layers | None = None  # layers over its depth, for a rig with a height axis; default one tissue throughout
     line: CutLine | None = None
     """Line along which its profiles lie, for a rig with an axis to the side; default the axis of the slab."""
 
@@ -53,18 +49,9 @@ _CURE = "Measure the specimen by caliper: depth_profile = [[position_mm, depth_m
 def check_depth_profile(profile: Sequence[tuple[float, float]], reach: float) -> None:
     """Raise an error for a profile that misses part of a cut.
 
-    Parameters
-    ----------
-    profile : sequence of (position, depth)
-        Points from the clamp on [m].
-    reach : float
-        Distance from the clamp that it has to cover [m].
-
-    Raises
-    ------
-    ValueError
-        If it has fewer than 2 points, positions do not rise from the clamp to `reach`, or a depth is not within 1 to
-        60 mm; in mm, as in the file.
+    ``profile``: points from the clamp on [m]; ``reach``: distance from the clamp that it has to cover [m]. Raise
+    ValueError if it has fewer than 2 points, positions do not rise from the clamp to `reach`, or a depth is not within
+    1 to 60 mm; in mm, as in the file.
     """
     if len(profile) < 2:
         raise ValueError(f"depth_profile has {len(profile)} points, and needs 2 or more. {_CURE}")
@@ -87,19 +74,9 @@ def check_depth_profile(profile: Sequence[tuple[float, float]], reach: float) ->
 def measured_depth(settings: RigSettings, target: float | None = None) -> NDArray[np.float64]:
     """Return the measured depth every 0.5 mm, shape (301,) [m].
 
-    Linear between the points of the profile, constant beyond its ends.
-
-    Parameters
-    ----------
-    settings : RigSettings
-        Settings with the profile.
-    target : float, optional
-        Length of the cut [m], which the profile must cover; by default the shortest that the task draws.
-
-    Raises
-    ------
-    ValueError
-        If the profile does not cover the whole cut: see :func:`check_depth_profile`.
+    Linear between the points of the profile, constant beyond its ends. ``target``: length of the cut [m], which the
+    profile must cover; by default the shortest that the task draws. Raise ValueError if the profile does not cover the
+    whole cut: see :func:`check_depth_profile`.
     """
     check_depth_profile(settings.depth_profile, reach_of(settings) if target is None else target)
     position, depth = np.asarray(settings.depth_profile, dtype=np.float64).T

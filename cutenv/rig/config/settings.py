@@ -33,21 +33,11 @@ def setting(
 ) -> Any:
     """Declare a field that is one line of the file.
 
-    Parameters
-    ----------
-    default : object
-        Default in SI.
-    unit : str or (str, str)
-        Name in :data:`cutenv._base.unit_table.NAMED_UNITS` of the unit in the file; "1": a count, a ratio, a text. Of a
-        pair the first is for a screw, the second for a hinge.
-    meaning : str
-        Explanation for the comment above the line.
-    low, high : float, optional
-        Admissible range in SI.
-    why : str
-        Reason for the default, for the message; the meaning if it needs none.
-    example : str or (str, str)
-        Plausible value, in the file, of a key that a person has to supply and that has no default.
+    ``default``: default in SI; ``unit``: name in :data:`cutenv._base.unit_table.NAMED_UNITS` of the unit in the file;
+    "1": a count, a ratio, a text. Of a pair the first is for a screw, the second for a hinge; ``meaning``: explanation
+    for the comment above the line; ``low``, ``high``: admissible range in SI; ``why``: reason for the default, for the
+    message; the meaning if it needs none; ``example``: plausible value, in the file, of a key that a person has to
+    supply and that has no default.
     """
     units = (unit,) if isinstance(unit, str) else unit
     metadata: dict[str, Any] = {"units": units, "meaning": meaning}
@@ -126,10 +116,8 @@ class Axis:
 class CrossAxis(Axis):
     """Drive that moves the blade straight across the cut, with limits."""
 
-    ends: ClassVar[tuple[str, str]]
-    """Names of the fields for the two ends of travel at which the blade is stopped."""
-    to: ClassVar[tuple[str, str]]
-    """Words for the ways of a positive and of a negative speed."""
+    ends: ClassVar[tuple[str, str]]  # names of the fields for the two ends of travel at which the blade is stopped
+    to: ClassVar[tuple[str, str]]  # words for the ways of a positive and of a negative speed
     fastest: float = setting(
         0.0265, "cm_s", "Speed either way at which the blade is stopped. Commands reach 96 % of it.", 1e-4, 0.5,
         why="2.54 cm/s, and 4 % for the loop",
@@ -210,10 +198,7 @@ class HeightAxis(CrossAxis):
 
 @dataclass(frozen=True, kw_only=True)
 class SideAxis(CrossAxis):
-    """Drive that moves the blade to the side, and its limits.
-
-    Places are to the left of the middle of the clamp.
-    """
+    """Drive that moves the blade to the side; places are left of the middle."""
 
     ends: ClassVar[tuple[str, str]] = ("rightmost", "leftmost")
     to: ClassVar[tuple[str, str]] = ("to the left", "to the right")
@@ -233,10 +218,7 @@ class SideAxis(CrossAxis):
 
 @dataclass(frozen=True, kw_only=True)
 class Bus:
-    """Settings of the CAN bus, in python-can's terms.
-
-    Settings that an interface does not use are ignored.
-    """
+    """Settings of the CAN bus, in python-can's terms; unused ones are ignored."""
 
     interface: str = setting("socketcan", "1", "socketcan, slcan, socketcand, ...", example='"socketcan"')
     channel: str = setting("can0", "1", "can0, /dev/ttyACM0, ...")
@@ -396,12 +378,8 @@ class SafetyLimits:
     def lowered(self, **lower: float | None) -> SafetyLimits:
         """Return limits, some lowered; None leaves one unchanged.
 
-        A lower ``force_norm`` also lowers ``force``, which would otherwise have no effect.
-
-        Raises
-        ------
-        ValueError
-            If a value is above the present one, or out of range.
+        A lower ``force_norm`` also lowers ``force``, which would otherwise have no effect. Raise ValueError if a value
+        is above the present one, or out of range.
         """
         chosen = {name: value for name, value in lower.items() if value is not None}
         for name, value in chosen.items():
@@ -487,17 +465,12 @@ class CameraSettings:
 class Reach(NamedTuple):
     """Limits of a straight axis, at which the blade is stopped."""
 
-    low: float
-    """Ends of travel [m]."""
+    low: float  # ends of travel [m]
     high: float
-    speed: float
-    """Either way [m/s]."""
-    acceleration: float
-    """[m/s2]."""
-    following: float
-    """Distance from where the blade should be [m]."""
-    axis: Axis
-    """The drive."""
+    speed: float  # either way [m/s]
+    acceleration: float  # [m/s2]
+    following: float  # distance from where the blade should be [m]
+    axis: Axis  # the drive
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -583,10 +556,7 @@ class RigSettings:
 def day_of(text: str) -> date:
     """Return the day of an ISO 8601 text, such as ``2026-03-01T14:05:00``.
 
-    Raises
-    ------
-    ValueError
-        If the text is not a date.
+    Raise ValueError if the text is not a date.
     """
     try:
         return datetime.fromisoformat(text).date()

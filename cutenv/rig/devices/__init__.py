@@ -1,7 +1,4 @@
-"""Devices of a rig.
-
-Here is what a driver of your own needs, and the drivers that come with the package.
-"""
+"""Devices of a rig, and what a driver of your own needs."""
 
 from cutenv.rig.devices.driver_registry import DriverKind, DriverTraits, Mounting, registered_drivers, rig_driver
 from cutenv.rig.devices.loop import Clock, FakeClock, SystemClock

@@ -1,7 +1,4 @@
-"""Camera beside the rig.
-
-A process of its own reads it and measures the depth, so that it can delay nothing here.
-"""
+"""Camera beside the rig, read by a process that can delay nothing here."""
 
 from __future__ import annotations
 
@@ -15,32 +12,21 @@ from typing import Any
 
 from cutenv.rig.config.settings import CameraSettings
 
-CAMERA_NOTE = "camera"
-"""Key in a record's metadata under which stands what became of the camera's frames."""
+CAMERA_NOTE = "camera"  # key in a record's metadata under which stands what became of the camera's frames
 _PATIENCE = 30.0  # for the depth to be put into a record [s]
 
 
 class RigCamera:
     """Camera that measures the depth of cut.
 
-    Its process begins at once, and its messages are kept as they come.
-
-    Parameters
-    ----------
-    settings : CameraSettings
-        The camera, its calibration and the blade's mark.
-
-    Attributes
-    ----------
-    moments : list of float
-        Times of the frames since the cut began, used or not, on the machine's clock [s].
-    ended : str
-        Why the camera has ended, or "".
+    Its process begins at once, and its messages are kept as they come. ``settings``: the camera, its calibration and
+    the blade's mark.
     """
 
     def __init__(self, settings: CameraSettings) -> None:
+        # times of the frames since the cut began, used or not, on the machine's clock [s]
         self.moments: list[float] = []
-        self.ended = ""
+        self.ended = ""  # why the camera has ended, or ""
         self._answered = threading.Event()
         self._process = subprocess.Popen(
             [sys.executable, "-m", "cutenv.envs.camera_process", json.dumps(dataclasses.asdict(settings))],

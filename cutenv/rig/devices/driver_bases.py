@@ -1,7 +1,4 @@
-"""Bases of drivers: an axis with latch, a sensor with tare.
-
-They open and close in order, and wait.
-"""
+"""Bases of drivers: an axis with latch, a sensor with tare."""
 
 from __future__ import annotations
 
@@ -20,32 +17,19 @@ from cutenv.rig.errors import RigError
 
 _log = logging.getLogger(__name__)
 
-STATE_LIMIT = 1.0
-"""Time for a device to change its state [s]."""
+STATE_LIMIT = 1.0  # time for a device to change its state [s]
 
 
 class AxisDriver(ABC):
     """Axis that reports its state; a :class:`~cutenv.rig.devices.protocols.MotionDriver`.
 
     After :meth:`quick_stop` nothing that could give the device power or speed is sent until the latch is reset, because
-    on some a command would start the blade again.
-
-    Parameters
-    ----------
-    name : str
-        Name of the axis.
-    settings : Axis
-        Settings of the axis.
-    clock : Clock
-        Clock that dates reports without a time of their own.
+    on some a command would start the blade again. ``clock`` dates reports without a time of their own.
     """
 
-    device: ClassVar[str]
-    """Word for the device in messages."""
-    silence: ClassVar[str]
-    """Words in the log for what :meth:`withhold_heartbeat` does."""
-    report_limit: ClassVar[float]
-    """Time for a report to arrive [s]."""
+    device: ClassVar[str]  # word for the device in messages
+    silence: ClassVar[str]  # words in the log for what :meth:`withhold_heartbeat` does
+    report_limit: ClassVar[float]  # time for a report to arrive [s]
 
     def __init__(self, name: str, settings: Axis, clock: Clock) -> None:
         self.name = name
@@ -96,16 +80,7 @@ class AxisDriver(ABC):
     # Life cycle
 
     def open(self, listener: MotionListener) -> None:
-        """Connect, check who answers, write and verify the set-up.
-
-        Samples arrive from now on, nothing moves.
-
-        Raises
-        ------
-        RigError
-            If it is open already, bus or port is missing or taken, no device or a wrong one answers, or its set-up is
-            not that of the rig's file.
-        """
+        """Connect, check who answers, write and verify the set-up."""
         if self._listener is not None:
             raise RigError(f"{self.name}: it is open already; close it first.")
         self._listener = listener
@@ -136,13 +111,7 @@ class AxisDriver(ABC):
     # Commands
 
     def enable(self) -> None:
-        """Switch the power on, at rest. Clears no fault: see :meth:`clear`.
-
-        Raises
-        ------
-        RigError
-            If it was stopped, is in fault, does not know where the blade is, or does not power on in time.
-        """
+        """Switch the power on, at rest. Clears no fault: see :meth:`clear`."""
         self._fresh()
         self._switch_on()
         with self._changed:
@@ -151,15 +120,7 @@ class AxisDriver(ABC):
             raise RigError(f"{self.name}: stopped while it was powered on{self._error}; clear it first.")
 
     def command(self, speed: float) -> None:
-        """Send a target speed [m/s or rad/s], without waiting.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If the speed is not a number, or beyond the axis's top speed.
-        RigError
-            If the axis is not enabled, was stopped, or bus or line is broken.
-        """
+        """Send a target speed [m/s or rad/s], without waiting."""
         target = self._target(speed)
         if not self._may_move or self._state is not DriveState.ENABLED:
             raise RigError(f"{self.name}: {self._lost or f'not enabled, {self._condition()}'}.")
@@ -174,11 +135,7 @@ class AxisDriver(ABC):
         """Send a quick stop at once, from any thread and state.
 
         It does not wait. With ``for_good`` no command ends the stop before rest, and the device then has no power.
-
-        Raises
-        ------
-        RigError
-            If bus or port does not take it, or the axis was never opened.
+        Raise RigError if bus or port does not take it, or the axis was never opened.
         """
         self.latch.happens(Event.STOP)
         self._may_move = False
@@ -244,33 +201,20 @@ class AxisDriver(ABC):
             raise RigError(f"{self.name}: not open.")
 
 
-FIRST_READING = 2.0
-"""Time within which the first reading must arrive [s]."""
+FIRST_READING = 2.0  # time within which the first reading must arrive [s]
 
-Counts = tuple[int, int, int, int, int, int]
-"""Counts of forces and torques of one reading."""
+Counts = tuple[int, int, int, int, int, int]  # counts of forces and torques of one reading
 
 
 class StreamedSensor(ABC):
     """Force sensor that streams readings, as a :class:`cutenv.rig.devices.protocols.ForceDriver`.
 
     Times of the readings are those of their arrival. A sensor that falls silent is not started again, because it may
-    have been switched off and on, which loses its zero: close, open and tare it.
-
-    Parameters
-    ----------
-    clock : Clock
-        Clock of the rig.
-    rate : float
-        Rate of the readings [Hz].
-    rate_error : float
-        Greatest relative error of that rate.
-    axes : str
-        Axes of force that it measures.
+    have been switched off and on, which loses its zero: close, open and tare it. ``rate`` is that of the readings [Hz],
+    ``rate_error`` its greatest relative error, ``axes`` are the forces that it measures.
     """
 
-    name: str
-    """Name of the sensor, for messages."""
+    name: str  # name of the sensor, for messages
 
     def __init__(self, clock: Clock, rate: float, *, rate_error: float, axes: str = "xyz") -> None:
         self.rate, self.rate_error, self.axes = rate, rate_error, axes
@@ -311,13 +255,7 @@ class StreamedSensor(ABC):
     # Life cycle
 
     def open(self, listener: ForceListener) -> None:
-        """Connect, start the stream, and wait for the first reading.
-
-        Raises
-        ------
-        RigError
-            If it is open already, no such sensor answers, or no reading comes in time.
-        """
+        """Connect, start the stream, and wait for the first reading."""
         if self._listener is not None:
             raise RigError(f"The {self.name} is open already: close it first.")
         self._begin_again()
@@ -337,17 +275,9 @@ class StreamedSensor(ABC):
     def tare(self, samples: int = 200) -> tuple[float, float, float]:
         """Take the mean of the next ``samples`` readings as zero, torques too.
 
-        Meanwhile nothing may touch the blade.
-
-        Returns
-        -------
-        tuple of 3 float
-            Force subtracted from now on [N], relative to the sensor's own zero: two tares show its drift.
-
-        Raises
-        ------
-        RigError
-            If it is not open, or readings stop, report an error, or vary by more than 0.1 N; the zero is unchanged.
+        Meanwhile nothing may touch the blade. Return the force subtracted from now on [N], relative to the sensor's own
+        zero: two tares show its drift. Raise RigError if it is not open, or readings stop, report an error, or vary by
+        more than 0.1 N; the zero is unchanged.
         """
         mean = ReadingMean(samples)
         if self._listener is None:

@@ -27,10 +27,7 @@ Shared = TypeVar("Shared")
 
 
 class DriverKind(StrEnum):
-    """Kind of a driver.
-
-    Packages register theirs as an entry point of the group.
-    """
+    """Kind of a driver. Packages register theirs as an entry point of the group."""
 
     MOTION = "motion"
     FORCE = "force"
@@ -52,8 +49,7 @@ KIND_OF_ROLE = {
 }
 """Kind of driver that each section of a rig's file takes."""
 
-OPTIONS = "options"
-"""Name of the table of a driver's own keys, as in ``[blade.options]``."""
+OPTIONS = "options"  # name of the table of a driver's own keys, as in ``[blade.options]``
 SHIPPED_DRIVERS: Mapping[DriverKind, Mapping[str, str]] = {
     DriverKind.MOTION: {
         "canopen": "cutenv.rig.devices.standard_drivers:mounted_axis",
@@ -186,33 +182,15 @@ def rig_driver(
 
 
 class RegisteredDriver(NamedTuple):
-    """One driver that a rig's file can name.
+    """One driver that a rig's file can name."""
 
-    Attributes
-    ----------
-    name : str
-        Name in the file.
-    kind : DriverKind
-        Kind.
-    origin : str
-        "cutenv", or the package that brings it.
-    target : str
-        ``module:attribute``.
-    """
-
-    name: str
+    name: str  # name in the file
     kind: DriverKind
-    origin: str
-    target: str
+    origin: str  # "cutenv", or the package that brings it
+    target: str  # ``module:attribute``
 
     def load(self) -> Callable[[Mounting], Any]:
-        """Import the driver's class or function.
-
-        Raises
-        ------
-        ValueError
-            If it cannot be imported, or cannot be called.
-        """
+        """Import the driver's class or function; raise ValueError if it is none."""
         try:
             made = EntryPoint(name=self.name, value=self.target, group=self.kind.group).load()
         except ModuleNotFoundError as error:
@@ -244,13 +222,7 @@ def registered_drivers(kind: DriverKind) -> dict[str, RegisteredDriver]:
 
 
 def driver_named(kind: DriverKind, name: str) -> RegisteredDriver:
-    """Return a driver by its registered name or ``module:Class``.
-
-    Raises
-    ------
-    ValueError
-        If there is none of that name.
-    """
+    """Return a driver by its registered name or ``module:Class``."""
     module, colon, attribute = name.partition(":")
     if colon and module and attribute:
         import_from_here()
@@ -267,10 +239,7 @@ def driver_named(kind: DriverKind, name: str) -> RegisteredDriver:
 def traits_of(kind: DriverKind, name: str) -> DriverTraits:
     """Return the declaration of the driver of that name; loads it.
 
-    Raises
-    ------
-    ValueError
-        If there is no such driver, or it cannot be imported.
+    Raise ValueError if there is no such driver, or it cannot be imported.
     """
     if (kind, name) == (DriverKind.CAMERA, "opencv"):
         return DriverTraits(needs=("source",))  # its own process alone loads OpenCV
@@ -287,10 +256,7 @@ def option_keys(kind: DriverKind, name: str) -> tuple[FileKey, ...]:
 def mounted(mounting: Mounting) -> Any:
     """Make the driver that the mounting's section names.
 
-    Raises
-    ------
-    ValueError
-        If there is no such driver, it cannot be imported, or it refuses its settings.
+    Raise ValueError if there is no such driver, it cannot be imported, or it refuses its settings.
     """
     kind = KIND_OF_ROLE[mounting.role]
     settings: Axis | SensorSettings | CameraSettings = mounting.settings

@@ -26,20 +26,15 @@ _log = logging.getLogger(__name__)
 _FINE = 0.0005  # [s] before the end, from which waiting goes on in short steps
 _SLEPT = 0.1  # [s] at a time, at most: a clock that jumps holds nobody up for longer
 _STEP = 0.001  # [s] step by which a fake clock moves while it waits
-READ_EVERY = 0.0005
-"""Period at which the loop reads what has arrived from bus and sensor [s]."""
-AT_ONCE = 64
-"""Reports that it reads from one device at a time, at most: others have to be judged as well."""
+READ_EVERY = 0.0005  # period at which the loop reads what has arrived from bus and sensor [s]
+AT_ONCE = 64  # reports that it reads from one device at a time, at most: others have to be judged as well
 
 
 class Repeating(Protocol):
     """Handle of an action that is repeated at a fixed period."""
 
     def stop(self) -> None:
-        """End the repetition; return once the action has ended.
-
-        May be called twice, and by the action itself.
-        """
+        """End the repetition; return once the action has ended. May be called twice, and by the action itself."""
         ...
 
 
@@ -193,15 +188,10 @@ class Attempt:
     """Call in a thread of its own, as drivers may hang.
 
     Where no thread can be started, as when the interpreter ends, it runs in the caller's.
-
-    Attributes
-    ----------
-    error : str or None
-        Text of what the call raised; None while it runs, and after it has returned.
     """
 
     def __init__(self, call: Callable[[], None], name: str) -> None:
-        self.error: str | None = None
+        self.error: str | None = None  # text of what the call raised; None while it runs, and after it has returned
         self._call, self._done = call, threading.Event()
         try:
             thread = None if sys.is_finalizing() else threading.Thread(target=self._run, name=name, daemon=True)
@@ -231,10 +221,7 @@ class Attempt:
 
 
 class FakeClock:
-    """Clock that moves only while somebody waits.
-
-    Due actions then run in order, in the waiting thread.
-    """
+    """Clock that moves only while somebody waits. Due actions then run in order, in the waiting thread."""
 
     def __init__(self, start: float = 100.0) -> None:
         self._now = start
@@ -288,13 +275,7 @@ class Owner:
         return os.getpid() == self._process
 
     def check(self) -> None:
-        """Raise an error in a fork.
-
-        Raises
-        ------
-        RigError
-            If this is another process.
-        """
+        """Raise an error in a fork; raise RigError if this is another process."""
         if not self.here:
             raise RigError(
                 f"this process is a fork of the one that has the rig ({self._process}), which alone may use it. "
@@ -302,12 +283,9 @@ class Owner:
             )
 
 
-PRIORITY = 10
-"""Priority from 1 to 99: above every ordinary process, below the kernel's own threads."""
-NICENESS = -10
-"""Niceness of the thread that decides, from -20, the least considerate, to 19."""
-SWITCH = 0.0005
-"""Time after which Python lets another thread run [s]; the default of 5 ms is five force readings."""
+PRIORITY = 10  # priority from 1 to 99: above every ordinary process, below the kernel's own threads
+NICENESS = -10  # niceness of the thread that decides, from -20, the least considerate, to 19
+SWITCH = 0.0005  # time after which Python lets another thread run [s]; the default of 5 ms is five force readings
 
 
 def prefer(*, first_in: bool = False) -> bool:

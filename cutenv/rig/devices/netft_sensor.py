@@ -27,10 +27,8 @@ from cutenv.rig.devices.loop import AT_ONCE, Attempt, Clock
 from cutenv.rig.devices.reading_stream import LEAK, SEQUENCES, Zero
 from cutenv.rig.errors import RigError
 
-PORT = 49152
-"""UDP port of a sensor as delivered."""
-PACKET_HEADER = 0x1234
-"""First two bytes of every request."""
+PORT = 49152  # UDP port of a sensor as delivered
+PACKET_HEADER = 0x1234  # first two bytes of every request
 
 _REQUEST = struct.Struct("!HHI")
 _PACKET = struct.Struct("!IIIiiiiii")
@@ -38,10 +36,7 @@ PACKET_SIZE = _PACKET.size
 
 
 class PacketError(ValueError):
-    """Error for bytes that are not a packet of this protocol.
-
-    The message gives the reason.
-    """
+    """Error for bytes that are not a packet of this protocol. The message gives the reason."""
 
 
 class RdtCommand(IntEnum):
@@ -88,33 +83,18 @@ _MEANINGS = {
 
 
 class SensorPacket(NamedTuple):
-    """Reading as sent.
+    """Reading as sent."""
 
-    Attributes
-    ----------
-    sequence : int
-        Number of the record within its stream, modulo 2**32; a gap is a lost record.
-    sampled : int
-        Counter of the sensor's own, faster sampling, modulo 2**32.
-    status : int
-        Status bits, see :class:`SensorStatus`; 0 is healthy.
-    counts : tuple of 6 int
-        Fx, Fy, Fz, Tx, Ty, Tz in counts.
-    """
-
-    sequence: int
-    sampled: int
-    status: int
-    counts: tuple[int, int, int, int, int, int]
+    sequence: int  # number of the record within its stream, modulo 2**32; a gap is a lost record
+    sampled: int  # counter of the sensor's own, faster sampling, modulo 2**32
+    status: int  # status bits, see :class:`SensorStatus`; 0 is healthy
+    counts: tuple[int, int, int, int, int, int]  # Fx, Fy, Fz, Tx, Ty, Tz in counts
 
 
 def request_bytes(command: RdtCommand, count: int = 0) -> bytes:
     """Return a request for ``count`` records, 0 for an endless stream.
 
-    Raises
-    ------
-    ValueError
-        If the count does not fit into 32 bits.
+    Raise ValueError if the count does not fit into 32 bits.
     """
     in_range("count", count, 0, SEQUENCES - 1, "1", "0 streams until it is stopped.")
     return _REQUEST.pack(PACKET_HEADER, command, count)
@@ -123,10 +103,7 @@ def request_bytes(command: RdtCommand, count: int = 0) -> bytes:
 def parse_request(packet: bytes) -> tuple[RdtCommand, int]:
     """Parse a request into command and count.
 
-    Raises
-    ------
-    PacketError
-        If it is not 8 bytes, does not begin with 0x1234, or contains an unknown command.
+    Raise PacketError if it is not 8 bytes, does not begin with 0x1234, or contains an unknown command.
     """
     if len(packet) != _REQUEST.size:
         raise PacketError(f"a request has {_REQUEST.size} bytes, this has {len(packet)}")
@@ -140,13 +117,7 @@ def parse_request(packet: bytes) -> tuple[RdtCommand, int]:
 
 
 def packet_bytes(record: SensorPacket) -> bytes:
-    """Return the 36 bytes of a record.
-
-    Raises
-    ------
-    PacketError
-        If a number does not fit into its 32 bits.
-    """
+    """Return the 36 bytes of a record; raise PacketError if a number does not fit into its 32 bits."""
     try:
         return _PACKET.pack(record.sequence, record.sampled, record.status, *record.counts)
     except struct.error as error:
@@ -154,13 +125,7 @@ def packet_bytes(record: SensorPacket) -> bytes:
 
 
 def parse_packet(packet: bytes) -> SensorPacket:
-    """Parse a record; any 36 bytes are one.
-
-    Raises
-    ------
-    PacketError
-        If it is not 36 bytes.
-    """
+    """Parse a record; any 36 bytes are one; raise PacketError if it is not 36 bytes."""
     if len(packet) != PACKET_SIZE:
         raise PacketError(f"a record has {PACKET_SIZE} bytes, this has {len(packet)}")
     numbers = _PACKET.unpack(packet)
@@ -179,8 +144,7 @@ def status_meaning(status: int) -> str:
 
 
 SETTINGS_PATH = "/netftapi2.xml"
-LARGEST = 1 << 20
-"""Greatest size of a page [byte]; a real one has about 4000."""
+LARGEST = 1 << 20  # greatest size of a page [byte]; a real one has about 4000
 
 _COUNTS = (1e-3, 1e12)  # least and greatest number of counts in a unit
 _RATES = (1.0, 1e5)  # [Hz]
@@ -216,28 +180,17 @@ TORQUE_UNITS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Page:
-    """Configuration that the sensor reports.
+    """Configuration that the sensor reports."""
 
-    Attributes
-    ----------
-    newtons_per_count, newton_metres_per_count : float
-        Force and torque for one count [N], [N m].
-    rate : float or None
-        Rate of the records [Hz]; None if the page does not contain it.
-    """
-
-    newtons_per_count: float
-    newton_metres_per_count: float
-    rate: float | None
+    newtons_per_count: float  # [N]
+    newton_metres_per_count: float  # [N m]
+    rate: float | None  # rate of the records [Hz]; None if the page does not contain it
 
 
 def read_page(address: str, timeout: float = 3.0) -> Page:
     """Fetch the page from ``address`` (http://...) and read it.
 
-    Raises
-    ------
-    RigError
-        If it does not arrive within ``timeout`` [s], is too large, or lacks a necessary value.
+    Raise RigError if it does not arrive within ``timeout`` [s], is too large, or lacks a necessary value.
     """
     if not address.startswith("http://"):
         raise RigError(f"sensor.page {address!r} must begin with http://, as http://192.168.1.1{SETTINGS_PATH} does.")
@@ -254,10 +207,7 @@ def read_page(address: str, timeout: float = 3.0) -> Page:
 def parse_page(text: bytes, address: str = "netftapi2.xml") -> Page:
     """Parse the page's XML; ``address`` is named in errors.
 
-    Raises
-    ------
-    RigError
-        If it is not XML, declares entities, or lacks a scale or a known unit.
+    Raise RigError if it is not XML, declares entities, or lacks a scale or a known unit.
     """
     try:
         root = ET.fromstring(text, parser=ET.XMLParser(target=_Tree(address)))
@@ -287,10 +237,7 @@ _CURE = "Is the sensor powered and on this network, and sensor.address (or senso
 
 
 class _Tree(ET.TreeBuilder):
-    """Tree builder that refuses a document type.
-
-    Its entities can expand without limit or refer elsewhere.
-    """
+    """Tree builder that refuses a document type. Its entities can expand without limit or refer elsewhere."""
 
     def __init__(self, address: str) -> None:
         super().__init__()
@@ -350,55 +297,25 @@ _ASK_AGAIN = 0.5  # parts of a tare
 
 
 class Counters(NamedTuple):
-    """Counts of packets since the sensor was opened.
+    """Counts of packets since the sensor was opened."""
 
-    Attributes
-    ----------
-    received : int
-        Readings that were passed on.
-    lost : int
-        Readings missing between them, including those that came too late.
-    reordered : int
-        Readings dropped because the same or a later one had arrived.
-    garbled : int
-        Packets of the sensor that were not records, or did not fit into the stream.
-    foreign : int
-        Packets from other addresses.
-    """
-
-    received: int = 0
-    lost: int = 0
-    reordered: int = 0
-    garbled: int = 0
-    foreign: int = 0
+    received: int = 0  # readings that were passed on
+    lost: int = 0  # readings missing between them, including those that came too late
+    reordered: int = 0  # readings dropped because the same or a later one had arrived
+    garbled: int = 0  # packets of the sensor that were not records, or did not fit into the stream
+    foreign: int = 0  # packets from other addresses
 
 
 class NetftSensor(StreamedSensor):
     """A Net F/T or Ethernet Axia.
 
-    Parameters
-    ----------
-    settings : Sensor
-        Address of the sensor and other settings.
-    clock : Clock
-        Clock of the rig.
-
-    Attributes
-    ----------
-    rate : float
-        Rate of the readings [Hz]: from the sensor's page once it is open, before that from the settings.
-    rate_error : float
-        Greatest relative error of that rate.
-    axes : str
-        All of them.
-    page : Page or None
-        Configuration that the sensor reports, once it was opened.
+    ``rate`` [Hz] is from the sensor's page once it is open, before that from the settings.
     """
 
     name = "force sensor"
 
     def __init__(self, settings: SensorSettings, clock: Clock) -> None:
-        self.page: Page | None = None
+        self.page: Page | None = None  # configuration that the sensor reports, once it was opened
         self._settings = settings
         self._socket: socket.socket | None = None
         self._address = (settings.address, settings.port)

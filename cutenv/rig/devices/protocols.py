@@ -1,7 +1,4 @@
-"""Interfaces to the hardware.
-
-Axis, sensor, their samples in SI and radians, listeners, and the latch they share.
-"""
+"""Interfaces to the hardware. Axis, sensor, their samples in SI and radians, listeners, and the latch they share."""
 
 from __future__ import annotations
 
@@ -22,14 +19,10 @@ from cutenv.rig.errors import RigError
 class Phase(StrEnum):
     """State of a rig, which decides whether it may move."""
 
-    UNREADY = "unready"
-    """Locked: drives may be switched on and off at zero speed."""
-    READY = "ready"
-    """Released: commands go to the drives."""
-    STOPPED = "stopped"
-    """Stopped: only quick stops go to the drives, until the operator agrees to a reset."""
-    RESETTING = "resetting"
-    """Being reset: the operator has agreed, and the drives are brought to rest without power."""
+    UNREADY = "unready"  # locked: drives may be switched on and off at zero speed
+    READY = "ready"  # released: commands go to the drives
+    STOPPED = "stopped"  # stopped: only quick stops go to the drives, until the operator agrees to a reset
+    RESETTING = "resetting"  # being reset: the operator has agreed, and the drives are brought to rest without power
 
 
 class Event(Enum):
@@ -239,10 +232,7 @@ def interpolated(
 
 
 class MotionListener(Protocol):
-    """Receiver of an axis's reports.
-
-    Called from the loop, or from a driver's thread, and must never wait.
-    """
+    """Receiver of an axis's reports. Called from the loop, or from a driver's thread, and must never wait."""
 
     def motion(self, axis: str, sample: MotionSample) -> None:
         """Take a sample of position, speed and state that has arrived."""
@@ -364,10 +354,7 @@ class MotionDriver(Protocol):
 
 @runtime_checkable
 class ZeroedByHand(Protocol):
-    """Axis without a reference of its own.
-
-    A person puts it at the clamp, and says so, whenever it had no power.
-    """
+    """Axis without a reference of its own. A person puts it at the clamp, and says so, whenever it had no power."""
 
     def set_zero(self) -> None:
         """Take the present position, without power, as zero."""

@@ -12,12 +12,9 @@ from typing import Protocol
 from cutenv._base.validation import in_range
 from cutenv.rig.errors import RigError
 
-SEQUENCES = 1 << 32
-"""Numbers of readings, which are counted modulo this."""
-LEAK = 1e-3
-"""Rate at which the least delay may grow [s/s]: ten times the drift between two quartz clocks."""
-FAR = 100
-"""Number of readings by which an old one may come late; beyond it, the sensor has restarted."""
+SEQUENCES = 1 << 32  # numbers of readings, which are counted modulo this
+LEAK = 1e-3  # rate at which the least delay may grow [s/s]: ten times the drift between two quartz clocks
+FAR = 100  # number of readings by which an old one may come late; beyond it, the sensor has restarted
 _AHEAD = 1.0  # [s] by which a number may come early and still belong to the same stream
 
 
@@ -28,18 +25,8 @@ class SampleClock:
     (over ``n / rate``) is therefore taken as the transport delay; anything above it is lateness. The least delay grows
     at ``leak``, so that it follows a sensor whose clock runs slower than this computer's; it follows a faster one by
     itself. An added constant delay shows at once in full, and is forgotten at that same rate: 10 ms of it in 10 s.
-
-    Parameters
-    ----------
-    rate : float
-        Rate of the readings [Hz], as the sensor reports it.
-    leak : float
-        Rate at which the least delay may grow [s/s], above the relative error of ``rate``.
-
-    Raises
-    ------
-    ValueError
-        If the rate is not above zero.
+    ``rate`` [Hz] is as the sensor reports it; ``leak`` [s/s] is above its relative error. Raise ValueError if the rate
+    is not above zero.
     """
 
     def __init__(self, rate: float, leak: float = LEAK) -> None:
@@ -54,20 +41,9 @@ class SampleClock:
     def sensed(self, sequence: int, arrival: float) -> tuple[float, float]:
         """Return a reading's sampling time, and its extra delay.
 
-        Parameters
-        ----------
-        sequence : int
-            Number of the reading, modulo 2**32; missing ones in between do not matter.
-        arrival : float
-            Arrival on the clock [s].
-
-        Returns
-        -------
-        time : float
-            Time of sampling [s], up to the least transport delay, which cannot be known; never after its arrival, and
-            never before that of an earlier call.
-        lateness : float
-            Delay beyond the least one [s], 0 or more.
+        ``sequence`` is its number, modulo 2**32; missing ones in between do not matter. The time [s] is up to the least
+        transport delay, which cannot be known; never after ``arrival`` [s], and never before that of an earlier call.
+        The delay [s] is that beyond the least one, 0 or more.
         """
         if self._sequence < 0:
             return self._begin(sequence, arrival)
@@ -90,12 +66,10 @@ class SampleClock:
         return arrival, 0.0
 
 
-STEADY_FORCE = 0.1
-"""Greatest difference between the means of a tare's ten parts, for each force [N]: more is not rest."""
+STEADY_FORCE = 0.1  # greatest difference between the means of a tare's ten parts, for each force [N]: more is not rest
 _PARTS = 10  # of a tare
 
-Zero = tuple[float, float, float, float, float, float]
-"""Six counts, of forces and torques."""
+Zero = tuple[float, float, float, float, float, float]  # six counts, of forces and torques
 
 
 class CountedReading(Protocol):
@@ -150,10 +124,7 @@ class ReadingStream:
 
 
 class ReadingMean:
-    """Mean of so many readings, and of its ten parts.
-
-    Updated by the loop, awaited by another thread.
-    """
+    """Mean of so many readings, and of its ten parts. Updated by the loop, awaited by another thread."""
 
     def __init__(self, samples: float) -> None:
         cure = "A fifth of a second is usual: 200 at 1 kHz."
@@ -178,17 +149,8 @@ class ReadingMean:
     def awaited(self, rate: float, newtons_per_count: float, meaning: Callable[[int], str]) -> Zero:
         """Wait until it is complete, and return it, in counts.
 
-        Parameters
-        ----------
-        rate, newtons_per_count : float
-            Rate of the readings [Hz], and the force of a count [N].
-        meaning : callable
-            Returns the text of a status.
-
-        Raises
-        ------
-        RigError
-            If readings stop, report an error, or vary by more than :data:`STEADY_FORCE`.
+        ``rate`` [Hz] is that of the readings; ``meaning`` returns the text of a status. Raise RigError if readings
+        stop, report an error, or vary by more than :data:`STEADY_FORCE`.
         """
         done = self.done.wait(1.0 + 3.0 * self.samples / rate)
         if self.status:

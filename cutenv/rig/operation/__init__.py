@@ -1,4 +1,1 @@
-"""Operation of a rig.
-
-Operator, checks before motion, session, specimens and jogging.
-"""
+"""Operation of a rig. Operator, checks before motion, session, specimens and jogging."""

@@ -1,40 +1,29 @@
-"""Jogging, which moves the blade while a key is held.
-
-The command at each instant, and the loop that sends it.
-"""
+"""Jogging, which moves the blade while a key is held."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
 from enum import Enum
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from cutenv._base.validation import in_range
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.stop_causes import WATCH
 from cutenv.sim.cutting.dtypes import TICK
 
-SPEED = 0.002
-"""Default speed of the blade [m/s]."""
-TOP_SPEED = 0.010
-"""Greatest speed that may be chosen [m/s]."""
-JOG_TURN_RATE = math.radians(5.0)
-"""Rate of turn of the blade [rad/s]."""
+SPEED = 0.002  # default speed of the blade [m/s]
+TOP_SPEED = 0.010  # greatest speed that may be chosen [m/s]
+JOG_TURN_RATE = math.radians(5.0)  # rate of turn of the blade [rad/s]
+# time after its last repeat for which a key counts as held [s]. A terminal does not report the release of a key. It
+# repeats a held key, after a first pause of 0.2 to 0.7 s, every 25 to 100 ms; when the repeats stay away, the key was
+# released. So a key that is tapped moves the blade for this long, one that is held moves it once, pauses, and moves on
+# with the first repeat
 HELD = 0.150
-"""Time after its last repeat for which a key counts as held [s].
-
-A terminal does not report the release of a key.  It repeats a held key, after a first pause of 0.2 to 0.7 s, every 25
-to 100 ms; when the repeats stay away, the key was released.  So a key that is tapped moves the blade for this long, one
-that is held moves it once, pauses, and moves on with the first repeat.
-"""
-PERIOD = 20
-"""Period of the commands [ms]."""
+PERIOD = 20  # period of the commands [ms]
+# time from a key's last repeat to the command to rest, at most [s]: 0.4 mm at 2 mm/s, and the axis's own ramp. A line
+# that delivers keys late, such as a remote shell's, adds its delay: jog beside the rig
 STOPS_WITHIN = HELD + 2 * PERIOD * TICK
-"""Time from a key's last repeat to the command to rest, at most [s]: 0.4 mm at 2 mm/s, and the axis's own ramp.
-
-A line that delivers keys late, such as a remote shell's, adds its delay: jog beside the rig.
-"""
 _LEAD = math.radians(0.5)  # [rad] lead of the commanded angle over the blade's
 _SHOWN_EVERY = 5  # periods
 
@@ -62,11 +51,24 @@ _LETTERS = {
 }  # fmt: skip
 
 
-class KeyDecoder:
-    """Decoder from a terminal's bytes to keys.
+_WAYS = {
+    JogKey.FORWARD: ("along", 1.0), JogKey.BACK: ("along", -1.0), JogKey.UPRIGHT: ("turn", 1.0),
+    JogKey.SLANT: ("turn", -1.0), JogKey.RAISE: ("up", 1.0), JogKey.LOWER: ("up", -1.0),
+    JogKey.TO_LEFT: ("left", 1.0), JogKey.TO_RIGHT: ("left", -1.0),
+}  # fmt: skip
 
-    An arrow is three bytes, which may come one by one.
-    """
+
+class JogSpeeds(NamedTuple):
+    """Speeds along the cut, upwards and to the left [m/s], and rate of turn [rad/s]."""
+
+    along: float = 0.0
+    turn: float = 0.0
+    up: float = 0.0
+    left: float = 0.0
+
+
+class KeyDecoder:
+    """Decoder from a terminal's bytes to keys; an arrow is three."""
 
     def __init__(self) -> None:
         self._begun = b""
@@ -91,34 +93,19 @@ class KeyDecoder:
 class Jog:
     """Controller of the blade by keys, independent of terminal and rig.
 
-    Pressing any key other than the held one ends the motion at once.
-
-    Parameters
-    ----------
-    speed : float
-        Speed while a key is held [m/s], up to :data:`TOP_SPEED`.
-    turns : bool
-        True if the blade has a hinge.
-    lifts : bool
-        True if the rig has a height axis.
-    sideways : bool
-        True if it has an axis to the side.
-
-    Raises
-    ------
-    ValueError
-        If the speed is out of range.
+    Pressing any key other than the held one ends the motion at once. ``speed``: speed while a key is held [m/s], up to
+    :data:`TOP_SPEED`; ``turns``, ``lifts``, ``sideways``: True if the rig has that axis. Raise ValueError if the speed
+    is out of range.
     """
 
     def __init__(
         self, speed: float = SPEED, *, turns: bool = False, lifts: bool = False, sideways: bool = False
     ) -> None:
         self.speed = in_range("speed", speed, 1e-4, TOP_SPEED, "m/s", "Jogging is slow: 2 mm/s is 0.002.")
-        self._turns, self._lifts, self._sideways = turns, lifts, sideways
+        self._axes = {"along"} | {name for name, has in (("turn", turns), ("up", lifts), ("left", sideways)) if has}
         self._held: JogKey | None = None
         self._until = -math.inf
-        self.quit = False
-        """True once the person has asked to quit."""
+        self.quit = False  # True once the person has asked to quit
 
     def press(self, keys: Iterable[JogKey], time: float) -> None:
         """Take keys read at ``time`` [s]; the last one decides."""
@@ -127,23 +114,14 @@ class Jog:
             self._held = None if self.quit or key is JogKey.OTHER else key
             self._until = time + HELD
 
-    def command(self, time: float) -> tuple[float, float]:
-        """Return speed [m/s] and rate of turn [rad/s] at ``time`` [s]."""
+    def command(self, time: float) -> JogSpeeds:
+        """Return the speeds at ``time`` [s]."""
         if time >= self._until:
             self._held = None
-        speed = {JogKey.FORWARD: self.speed, JogKey.BACK: -self.speed}.get(self._held or JogKey.OTHER, 0.0)
-        rate = {JogKey.UPRIGHT: JOG_TURN_RATE, JogKey.SLANT: -JOG_TURN_RATE}.get(self._held or JogKey.OTHER, 0.0)
-        return speed, rate if self._turns else 0.0
-
-    def rise(self) -> float:
-        """Return the upward speed [m/s] at the last :meth:`command`."""
-        up = {JogKey.RAISE: self.speed, JogKey.LOWER: -self.speed}.get(self._held or JogKey.OTHER, 0.0)
-        return up if self._lifts else 0.0
-
-    def aside(self) -> float:
-        """Return the leftward speed [m/s] at the last :meth:`command`."""
-        left = {JogKey.TO_LEFT: self.speed, JogKey.TO_RIGHT: -self.speed}.get(self._held or JogKey.OTHER, 0.0)
-        return left if self._sideways else 0.0
+        axis, way = _WAYS.get(self._held or JogKey.OTHER, ("", 0.0))
+        if axis not in self._axes:
+            return JogSpeeds()
+        return JogSpeeds(**{axis: way * (JOG_TURN_RATE if axis == "turn" else self.speed)})
 
 
 class Keyboard(Protocol):
@@ -157,23 +135,9 @@ class Keyboard(Protocol):
 def jog(plant: RigPlant, keyboard: Keyboard, controls: Jog, show: Callable[[str], None]) -> None:
     """Move a released blade by keys until they ask to quit.
 
-    The blade then rests, and the rig is locked.
-
-    Parameters
-    ----------
-    plant : RigPlant
-        Plant, prepared and released; the supervisor watches all the time.
-    keyboard : Keyboard
-        Source of the keys, read every :data:`PERIOD`.
-    controls : Jog
-        Controller that turns keys into speed and angle.
-    show : callable
-        Called with a status line several times a second.
-
-    Raises
-    ------
-    RigStopped
-        If the supervisor stops the blade.
+    The blade then rests, and the rig is locked. ``plant`` is prepared and released, the keyboard read every
+    :data:`PERIOD`, and ``show`` called with a status line several times a second. Raise RigStopped if the supervisor
+    stops the blade.
     """
     limits, clock = plant.settings.limits, plant.clock
     angle = plant.angle
@@ -181,14 +145,14 @@ def jog(plant: RigPlant, keyboard: Keyboard, controls: Jog, show: Callable[[str]
     plant.begin()
     while not controls.quit:
         controls.press(keyboard.read(), clock.now())
-        speed, rate = controls.command(clock.now())
-        if rate:
+        speeds = controls.command(clock.now())
+        if speeds.turn:
             now = plant.angle
-            wanted = min(max(angle + rate * PERIOD * TICK, now - _LEAD), now + _LEAD)
+            wanted = min(max(angle + speeds.turn * PERIOD * TICK, now - _LEAD), now + _LEAD)
             angle = min(max(wanted, limits.angle_low), limits.angle_high)
-        left = controls.aside()
-        plant.heading.begin(math.copysign(0.5 * math.pi, left) if left else 0.0)  # the axes lead it where it points
-        plant.advance(abs(left) or speed, angle, PERIOD, -controls.rise())
+        ahead = math.copysign(0.5 * math.pi, speeds.left) if speeds.left else 0.0
+        plant.heading.begin(ahead)  # the axes lead it where it points
+        plant.advance(abs(speeds.left) or speeds.along, angle, PERIOD, -speeds.up)
         if count % _SHOWN_EVERY == 0:
             show(status(plant))
         count += 1

@@ -1,7 +1,4 @@
-"""Person beside the rig, who is asked before anything moves.
-
-The questions are at a terminal, and with a time limit.
-"""
+"""Person beside the rig, who is asked before anything moves."""
 
 from __future__ import annotations
 
@@ -38,20 +35,8 @@ class TerminalOperator:
     """Operator at a terminal.
 
     Text typed before a question appears does not answer it. Ctrl-C, the end of the input (Ctrl-D) and silence mean no.
-
-    Parameters
-    ----------
-    patience : float
-        Time allowed for an answer [s], 1 to 3600.
-    source, sink : text file, optional
-        Terminal to read from, and where to write; standard input and output by default.
-
-    Raises
-    ------
-    RigError
-        If the source is not a terminal: then nobody is there to answer.
-    ValueError
-        If the patience is out of range.
+    ``patience`` [s], 1 to 3600, is allowed for an answer. Raise RigError if the source is not a terminal: then nobody
+    is there to answer; ValueError if the patience is out of range.
     """
 
     def __init__(self, *, patience: float = 120.0, source: TextIO | None = None, sink: TextIO | None = None) -> None:
@@ -117,18 +102,7 @@ class TerminalOperator:
 
 
 class AutomaticOperator:
-    """Operator that answers yes to everything; for emulated rigs only.
-
-    Attributes
-    ----------
-    asked, messages : list of str
-        Questions and messages so far, in order.
-
-    Raises
-    ------
-    ValueError
-        If the rig is not emulated.
-    """
+    """Operator that answers yes to everything; for emulated rigs only."""
 
     def __init__(self, settings: RigSettings) -> None:
         if not settings.emulated:
@@ -136,7 +110,7 @@ class AutomaticOperator:
                 f"rig {settings.name!r} is not emulated: it moves beside people, so a person has to confirm. Run it "
                 "from a terminal."
             )
-        self.asked: list[str] = []
+        self.asked: list[str] = []  # questions and messages so far, in order
         self.messages: list[str] = []
 
     def tell(self, message: str) -> None:
@@ -157,11 +131,6 @@ class AutomaticOperator:
 def operator_of(settings: RigSettings) -> Operator:
     """Return the operator of a rig: a person at the terminal.
 
-    An emulated or fake rig has an automatic one.
-
-    Raises
-    ------
-    RigError
-        If there is no terminal.
+    An emulated or fake rig has an automatic one. Raise RigError if there is no terminal.
     """
     return AutomaticOperator(settings) if settings.emulated else TerminalOperator()

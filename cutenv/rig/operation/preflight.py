@@ -28,10 +28,8 @@ from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.monitors import CREEP
 from cutenv.rig.travel import SLICE
 
-SETTLE = 0.3
-"""Time after switching on, before anything is checked [s]."""
-ZERO_FORCE = 0.2
-"""Greatest force allowed on a blade in air, after tare [N]."""
+SETTLE = 0.3  # time after switching on, before anything is checked [s]
+ZERO_FORCE = 0.2  # greatest force allowed on a blade in air, after tare [N]
 _NUDGE = 0.001  # [m] by which the blade is moved and brought back
 _NUDGE_SPEED = 0.002  # [m/s]
 _NUDGE_SHARE = 0.8  # [1] share of it that the encoder has to show
@@ -44,10 +42,7 @@ _SAME = 0.02  # relative difference allowed between a drive's limit and the file
 
 @dataclass(frozen=True)
 class Check:
-    """Result of one check.
-
-    Its name, whether it passed, and what was found.
-    """
+    """Result of one check. Its name, whether it passed, and what was found."""
 
     name: str
     passed: bool
@@ -108,15 +103,7 @@ def _limit(name: str, axis: Axis, what: str, answered: float) -> Check:
 def moving_checks(plant: RigPlant) -> list[Check]:
     """Move the released blade by 1 mm, turn it by 1 degree; check encoders."""
     checks = [_moved_and_back(plant, name, axis) for name, axis in plant.settings.cross_axes.items()]
-    start = plant.position
-    way = _NUDGE if start + _NUDGE < plant.settings.limits.high else -_NUDGE
-    plant.travel(start + way, speed=_NUDGE_SPEED)
-    there = plant.position - start
-    plant.travel(start, speed=_NUDGE_SPEED)
-    back = plant.position - start
-    well = there / way > _NUDGE_SHARE and abs(back) < (1.0 - _NUDGE_SHARE) * _NUDGE
-    found = f"moved {1e3 * there:+.3f} of {1e3 * way:+.2f} mm, and back to {1e3 * back:+.3f} mm"
-    checks.append(Check("encoder", well, found))
+    checks.append(_moved_and_back(plant, "blade", None))
     if plant.settings.angle is not None:
         begun = plant.angle
         turn = -_TURN if begun - _TURN > plant.settings.limits.angle_low else _TURN
@@ -128,22 +115,17 @@ def moving_checks(plant: RigPlant) -> list[Check]:
     return checks
 
 
-def _first_way(plant: RigPlant, name: str, axis: CrossAxis) -> float:
-    """Return the first way of a cross axis's self-test [m]."""
-    return _NUDGE if plant.place(name) + _NUDGE < axis.bounds[1] else -_NUDGE
+def _first_way(plant: RigPlant, name: str) -> float:
+    """Return the first way of a straight axis's self-test [m]."""
+    return _NUDGE if plant.place(name) + _NUDGE < plant.settings.reaches[name].high else -_NUDGE
 
 
 def _ask_direction(plant: RigPlant, name: str, axis: CrossAxis, operator: Operator) -> None:
     """Ask whether up is up, or left is left.
 
-    With a wrong ``direction`` the encoder agrees with the commands.
-
-    Raises
-    ------
-    RigError
-        If the operator does not agree.
+    With a wrong ``direction`` the encoder agrees with the commands. Raise RigError if the operator does not agree.
     """
-    first, then = axis.to if _first_way(plant, name, axis) > 0.0 else axis.to[::-1]
+    first, then = axis.to if _first_way(plant, name) > 0.0 else axis.to[::-1]
     if not operator.confirm(f"The blade has moved by {1e3 * _NUDGE:g} mm. Did it go {first} first, and then {then}?"):
         raise RigError(
             f"the operator has not confirmed that the blade went {first} first: nothing is cut. If it went {then}, "
@@ -158,12 +140,8 @@ def prove(plant: RigPlant, operator: Operator, today: date) -> None:
     computer, until its drives, sensor or bus change in the file.
 
     The operator pushes the blade toward the clamp by hand, as tissue would. Then the drives are switched on at rest,
-    the operator presses the button, and every drive has to show that it has lost its power. Nothing else moves.
-
-    Raises
-    ------
-    RigError
-        If the force has the other sign or none, a drive keeps its power, or the operator does not agree.
+    the operator presses the button, and every drive has to show that it has lost its power. Nothing else moves. Raise
+    RigError if the force has the other sign or none, a drive keeps its power, or the operator does not agree.
     """
     if (note := _proof_of(plant.settings, today)) in (plant.proven, _noted(plant.note)):
         return
@@ -230,12 +208,7 @@ def _prove_sign(plant: RigPlant, operator: Operator) -> None:
 def _ask_motion(plant: RigPlant, operator: Operator) -> None:
     """Ask whether the blade has moved away first.
 
-    Neither a drive that counts its steps, nor an encoder knows that.
-
-    Raises
-    ------
-    RigError
-        If the operator does not agree.
+    Neither a drive that counts its steps, nor an encoder knows that. Raise RigError if the operator does not agree.
     """
     sent = "sent the steps for" if plant.spine.counts_steps else "turned by"
     question = f"The drive has {sent} {1e3 * _NUDGE:g} mm away from the clamp, and back. Did the blade move so?"
@@ -246,30 +219,32 @@ def _ask_motion(plant: RigPlant, operator: Operator) -> None:
         )
 
 
-def _moved_and_back(plant: RigPlant, name: str, axis: CrossAxis) -> Check:
-    """Move the released blade across by a millimetre and back; return the check.
+def _moved_and_back(plant: RigPlant, name: str, across: CrossAxis | None) -> Check:
+    """Move a released straight axis by a millimetre and back; return the check.
 
-    Near the upper or left end of its travel it goes the other way first.
+    Near the far, upper or left end of its travel it goes the other way first.
     """
-    start, way = plant.place(name), _first_way(plant, name, axis)
-    plant.carry(name, start + way, speed=_NUDGE_SPEED)
-    there = plant.place(name) - start
-    plant.carry(name, start, speed=_NUDGE_SPEED)
-    back = plant.place(name) - start
+    start, way = plant.place(name), _first_way(plant, name)
+
+    def moved_to(place: float) -> float:
+        if across is None:
+            plant.travel(place, speed=_NUDGE_SPEED)
+        else:
+            plant.carry(name, place, speed=_NUDGE_SPEED)
+        return plant.place(name) - start
+
+    there, back = moved_to(start + way), moved_to(start)
     well = there / way > _NUDGE_SHARE and abs(back) < (1.0 - _NUDGE_SHARE) * _NUDGE
-    found = f"moved {axis.to[0]} {1e3 * there:+.3f} of {1e3 * way:+.2f} mm, and back to {1e3 * back:+.3f} mm"
-    return Check(f"{name} encoder", well, found)
+    to = "" if across is None else f"{across.to[0]} "
+    found = f"moved {to}{1e3 * there:+.3f} of {1e3 * way:+.2f} mm, and back to {1e3 * back:+.3f} mm"
+    return Check("encoder" if across is None else f"{name} encoder", well, found)
 
 
 def return_inside(plant: RigPlant) -> None:
     """Return a blade from beyond its travel, at creep speed.
 
-    The operator has agreed to that.
-
-    Raises
-    ------
-    RigError, RigStopped
-        If the rig is not ready, or the blade does anything but return.
+    The operator has agreed to that. Raise RigError, RigStopped if the rig is not ready, or the blade does anything but
+    return.
     """
     limits = plant.settings.limits
     plant.supervisor.release(returning=True)
@@ -285,12 +260,8 @@ def return_inside(plant: RigPlant) -> None:
 def relieve(plant: RigPlant) -> None:
     """Raise a blade that presses on tissue beyond the limit, at creep speed.
 
-    The operator has agreed to that. Nothing else can be commanded meanwhile, and a force that grows stops it.
-
-    Raises
-    ------
-    RigError, RigStopped
-        If the rig is not ready, or the force does not fall within some millimetres.
+    The operator has agreed to that. Nothing else can be commanded meanwhile, and a force that grows stops it. Raise
+    RigError, RigStopped if the rig is not ready, or the force does not fall within some millimetres.
     """
     start = plant.height
     plant.supervisor.release(returning=True)
@@ -307,29 +278,11 @@ def prepare(plant: RigPlant, operator: Operator, *, today: date, in_air: bool = 
     Calibration and ``armed_by``; switching on; tare and self-test at rest; the operator's typed confirmation; for a
     blade beyond an end of its travel, its slow return, if the operator agrees to that too; a millimetre to and fro. On
     a rig with axes across the cut a millimetre up and down, or to the left and right, comes first, and the operator
-    confirms that up is up, and left is left.
-
-    Parameters
-    ----------
-    plant : RigPlant
-        Rig, already open.
-    operator : Operator
-        Person who is asked to confirm.
-    today : date
-        Today's date, for the age of the calibration.
-    in_air : bool
-        True if the blade touches nothing, so that its force can be taken as zero. After a stop it may stand in tissue:
-        the old zero is then kept, because a new one would hide the force on the blade.
-
-    Returns
-    -------
-    list of Check
-        All checks; each has passed.
-
-    Raises
-    ------
-    RigError
-        If a check fails, or the operator does not agree; the drives are then without power.
+    confirms that up is up, and left is left. ``plant`` is already open; ``today`` counts for the age of the
+    calibration; ``in_air``: True if the blade touches nothing, so that its force can be taken as zero. After a stop it
+    may stand in tissue: the old zero is then kept, because a new one would hide the force on the blade. Return all
+    checks; each has passed. Raise RigError if a check fails, or the operator does not agree; the drives are then
+    without power.
     """
     checks = _passed(may_move(plant.settings, today))
     if in_air and not plant.settings.emulated:
@@ -408,8 +361,7 @@ def _passed(checks: list[Check]) -> list[Check]:
     return checks
 
 
-LISTEN = 2.0
-"""Time for which readings, samples and heartbeats are observed [s]."""
+LISTEN = 2.0  # time for which readings, samples and heartbeats are observed [s]
 _SAME_RATE = 0.02  # relative difference allowed between measured and set rate
 _LOST = 0.1  # share of the loss limit at which this check fails
 _ZERO = "zero_set"  # report of a drive whose zero a person sets
@@ -418,18 +370,10 @@ _PER = {"low": "", "high": "", "speed": "_s", "acceleration": "_s2", "quick_stop
 
 @dataclass(frozen=True, kw_only=True)
 class Inspection:
-    """Result of an inspection.
+    """Result of an inspection."""
 
-    Attributes
-    ----------
-    checks : tuple of Check
-        Checks, in order.
-    devices : dict
-        Data that each device reports, and measurements of it; units are in the names.
-    """
-
-    checks: tuple[Check, ...]
-    devices: dict[str, dict[str, Any]]
+    checks: tuple[Check, ...]  # checks, in order
+    devices: dict[str, dict[str, Any]]  # data that each device reports, and measurements of it; units are in the names
 
     @property
     def passed(self) -> bool:
@@ -442,12 +386,8 @@ def inspect(plant: RigPlant, today: date) -> Inspection:
 
     Nothing moves, and no drive is powered.
 
-    The sensor is tared, until the connection ends: nothing may touch the blade.
-
-    Raises
-    ------
-    RigError
-        If a drive no longer answers.
+    The sensor is tared, until the connection ends: nothing may touch the blade. Raise RigError if a drive no longer
+    answers.
     """
     checks = may_move(plant.settings, today)
     try:
@@ -554,8 +494,7 @@ def _motion(plant: RigPlant, name: str, recorder: Recorder, start: float, end: f
     return name, checks, about
 
 
-CAMERA_RATE = 14.0
-"""Least rate of measured frames [Hz]: 15 a second, less what counting for so short a time may miss."""
+CAMERA_RATE = 14.0  # least rate of measured frames [Hz]: 15 a second, less what counting for so short a time may miss
 _STARTING = 20.0  # time for the camera's process to measure the first frame [s]
 _STEP = 0.05  # [s]
 

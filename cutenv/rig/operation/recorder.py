@@ -24,30 +24,17 @@ from cutenv.rig.plant import RigPlant
 
 @dataclass(frozen=True, kw_only=True)
 class Stretch:
-    """Part of the experiment, from rest to rest.
+    """Part of the experiment, from rest to rest. Times [s] on one clock, samples as they arrived."""
 
-    Times [s] on one clock, samples as they arrived.
-
-    Attributes
-    ----------
-    command_time, command : array of shape (c,)
-        Speeds [m/s] put on the bus; each holds until the next, and before the first the axis rests.
-    time, position, torque : array of shape (n,)
-        Samples of the axis's position [m], and of its motor's torque over the rated one [1].
-    """
-
-    command_time: Array
+    command_time: Array  # speeds [m/s] put on the bus; each holds until the next, and before the first the axis rests
     command: Array
-    time: Array
+    time: Array  # samples of the axis's position [m], and of its motor's torque over the rated one [1]
     position: Array
     torque: Array
 
 
 class Felt(NamedTuple):
-    """Readings of the force along the cut while the axis moves.
-
-    Times [s] and forces [N], each of shape (n,).
-    """
+    """Readings of the force along the cut while the axis moves. Times [s] and forces [N], each of shape (n,)."""
 
     time: Array
     force: Array
@@ -56,12 +43,7 @@ class Felt(NamedTuple):
 class Recorder:
     """Listener to an axis and a sensor, besides the supervisor.
 
-    Parameters
-    ----------
-    cut_axis : int
-        Axis of the sensor along the cut: 0, 1 or 2.
-    sign : int
-        Sign of the reading against a motion forward.
+    ``cut_axis``: axis of the sensor along the cut: 0, 1 or 2; ``sign``: sign of the reading against a motion forward.
     """
 
     def __init__(self, cut_axis: int = 0, sign: int = 1) -> None:
@@ -131,10 +113,8 @@ class Recorder:
         return [each for each in self._motions.get(axis, []).copy() if start <= each.time < end]
 
 
-PUBLISHED_EVERY = 0.04
-"""Period at which a rig's state is published [s]."""
-LIVE_SCHEMA = "cutenv-live/1"
-"""Name of the messages' form, which each of them carries."""
+PUBLISHED_EVERY = 0.04  # period at which a rig's state is published [s]
+LIVE_SCHEMA = "cutenv-live/1"  # name of the messages' form, which each of them carries
 
 
 @contextmanager

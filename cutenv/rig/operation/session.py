@@ -51,19 +51,9 @@ def recorded_channels(settings: RigSettings) -> tuple[str, ...]:
 def recorded_rows(plant: RigPlant, readings: StructArray) -> tuple[list[Reading], list[Row] | None]:
     """Return rows to record of the latest readings, with channels.
 
-    The depth is that of the measured profile at the blade, of a blade at height 0.
-
-    Parameters
-    ----------
-    plant : RigPlant
-        The rig, whose ``keep`` is called with these readings.
-    readings : Records
-        :data:`cutenv.sim.cutting.dtypes.READING`, shape (n,).
-
-    Returns
-    -------
-    tuple of (list of Reading, list of tuple or None)
-        For :meth:`cutenv.records.AppendingRecord.append`; None where nothing is beside them.
+    The depth is that of the measured profile at the blade, of a blade at height 0. They are for
+    :meth:`cutenv.records.AppendingRecord.append`; None where nothing is beside the ``readings``, shape (n,), that
+    ``plant.keep`` is called with.
     """
     depth = depth_below(plant.depth, readings["position"])
     columns = [readings[field].tolist() for field in ("time", "force", "position", "speed", "angle")]
@@ -74,24 +64,16 @@ def recorded_rows(plant: RigPlant, readings: StructArray) -> tuple[list[Reading]
 
 @dataclass(frozen=True, kw_only=True)
 class SpecimenKey:
-    """Key of a drawn specimen.
-
-    Hardware cuts whatever is laid, and stores the key as a label.
-    """
+    """Key of a drawn specimen. Hardware cuts whatever is laid, and stores the key as a label."""
 
     seed: int
     episode: int
-    target: float | None = None
-    """Length of the cut [m], along which the depth has to be known."""
-    specimen: Specimen | None = None
-    """Specimen as drawn or given; None if no program has drawn it."""
+    target: float | None = None  # length of the cut [m], along which the depth has to be known
+    specimen: Specimen | None = None  # specimen as drawn or given; None if no program has drawn it
 
 
 class SpecimenSource(Protocol):
-    """Supply that lays the next specimen.
-
-    The blade is at the clamp, at rest and without power.
-    """
+    """Supply that lays the next specimen, the blade without power."""
 
     def mount(self, key: SpecimenKey) -> NDArray[np.float64] | None:
         """Mount a specimen; return its depth, shape (301,) [m], None if already known."""
@@ -105,16 +87,9 @@ class SpecimenSource(Protocol):
 class SpecimensByHand:
     """Supply by a person, who has measured each specimen's depth.
 
-    The depth is measured by caliper and written into the rig's file.
-
-    Parameters
-    ----------
-    profile : callable
-        Reads the rig's file again: each specimen has its own depth.
-    operator : Operator
-        Person who lays the specimen.
-    lower : callable
-        Is given the limits in the file, whenever it is read: those that were lowered count from the next cut on.
+    The depth is measured by caliper and written into the rig's file. ``profile`` reads the rig's file again: each
+    specimen has its own depth; ``lower`` is given the limits in the file, whenever it is read: those that were lowered
+    count from the next cut on.
     """
 
     def __init__(
@@ -125,12 +100,8 @@ class SpecimensByHand:
     def mount(self, key: SpecimenKey) -> NDArray[np.float64] | None:
         """Ask for a new specimen.
 
-        Return its depth along the cut, shape (301,) [m].
-
-        Raises
-        ------
-        RigError
-            If the operator does not confirm that it is there, or its depth is not known.
+        Return its depth along the cut, shape (301,) [m]. Raise RigError if the operator does not confirm that it is
+        there, or its depth is not known.
         """
         what = (
             f"The drives are without power. Lay specimen {key.episode + 1}: edge at the clamp, depth_profile in the "
@@ -149,41 +120,22 @@ class SpecimensByHand:
         """Do nothing: the operator has taken the specimen away."""
 
 
-RETURN_SPEED = 0.005
-"""Speed of the return to the clamp between cuts [m/s]: always slow."""
-_HELD = (Cause.FORCE, Cause.TORQUE)
-"""Causes that last for as long as the specimen holds the blade at rest."""
+RETURN_SPEED = 0.005  # speed of the return to the clamp between cuts [m/s]: always slow
+_HELD = (Cause.FORCE, Cause.TORQUE)  # causes that last for as long as the specimen holds the blade at rest
 _ATTEMPTS = 3  # to reach the clamp; the operator agrees to each
 _PATIENCE = 1.0  # [s] for readings to be fresh again after this computer was busy
-START_POSITION = 0.0
-"""Position of the blade at the start of a cut [m]."""
-START_HEIGHT = 0.0
-"""Height of the blade's lower end at the start of a cut [m], on a rig with a height axis."""
+START_POSITION = 0.0  # position of the blade at the start of a cut [m]
+START_HEIGHT = 0.0  # height of the blade's lower end at the start of a cut [m], on a rig with a height axis
+# greatest change of the force at rest since the blade was in air [N]: beyond it the blade touches something
 DRIFT = 1.0
-"""Greatest change of the force at rest since the blade was in air [N]: beyond it the blade touches something."""
 _PUSHED = 5e-4  # [m] from the clamp, beyond which somebody has moved the blade
 
 
 class RigSession:
     """Session with one rig, opened and closed as a context.
 
-    Parameters
-    ----------
-    plant : RigPlant
-        The rig, not yet opened.
-    operator : Operator
-        Person who is asked before anything moves.
-    supply : Supply
-        Supply that lays specimens.
-    release : callable, optional
-        Called at the end, after the plant is closed; it ends an emulator, for example.
-    today : date, optional
-        Today's date, for the age of the calibration.
-
-    Attributes
-    ----------
-    checks : list of Check
-        Checks of the preparation; empty before.
+    ``plant`` is not yet opened; ``release`` is called at the end, after the plant is closed: it ends an emulator, for
+    example; ``today`` counts for the age of the calibration.
     """
 
     def __init__(
@@ -197,7 +149,7 @@ class RigSession:
     ) -> None:
         self.plant, self.operator = plant, operator
         self._supply, self._today = supply, today or date.today()
-        self.checks: list[Check] = []
+        self.checks: list[Check] = []  # checks of the preparation; empty before
         self._stack = ExitStack()
         if release is not None:
             self._stack.callback(release)
@@ -220,21 +172,9 @@ class RigSession:
     def next_cut(self, key: SpecimenKey, angle: float) -> None:
         """Prepare, go to the clamp, change the specimen, tare.
 
-        The blade moves slowly, and the specimen is changed without power.
-
-        Parameters
-        ----------
-        key : SpecimenKey
-            Key of the specimen.
-        angle : float
-            Angle at which the cut starts [rad].
-
-        Raises
-        ------
-        RigError
-            If a check fails or the operator does not agree; nothing moves then.
-        RigStopped
-            If the blade was stopped on the way.
+        The blade moves slowly, and the specimen is changed without power. ``angle``: angle at which the cut starts
+        [rad]. Raise RigError if a check fails or the operator does not agree; nothing moves then; RigStopped if the
+        blade was stopped on the way.
         """
         self.open()
         plant = self.plant
@@ -333,12 +273,8 @@ class RigSession:
     def start(self) -> None:
         """Release the rig for the cut's commands.
 
-        Until here it is locked, however long a policy takes to be ready.
-
-        Raises
-        ------
-        RigError
-            If a signal is missing or wrong, and stays so.
+        Until here it is locked, however long a policy takes to be ready. Raise RigError if a signal is missing or
+        wrong, and stays so.
         """
         clock, deadline = self.plant.clock, self.plant.clock.now() + _PATIENCE
         while True:

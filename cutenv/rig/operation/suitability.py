@@ -1,7 +1,4 @@
-"""Suitability of a rig.
-
-Decisions a second, stopping distances, and tasks that it can do, from its file alone.
-"""
+"""Suitability of a rig for tasks, from its file alone."""
 
 from __future__ import annotations
 
@@ -17,10 +14,8 @@ from cutenv.rig.safety.stop_causes import Cause, detection_times
 from cutenv.rig.safety.supervisor import MARGIN
 from cutenv.sim.cutting.sensor import SensorParameters
 
-TASK_SPEED = 0.0254
-"""Greatest speed that an action of the tasks commands [m/s]."""
-FEWEST_DECISIONS = 5.0
-"""Decisions a second below which no policy is worth trying: assumed [Hz]."""
+TASK_SPEED = 0.0254  # greatest speed that an action of the tasks commands [m/s]
+FEWEST_DECISIONS = 5.0  # decisions a second below which no policy is worth trying: assumed [Hz]
 _DEADLINE, _ENDING = 30.0, 4.0  # [s] of a cut, of which so much is needed to stop and unload
 _LONGEST, _SHORTEST, _AHEAD = 0.100, 0.060, 0.010  # [m] targets of the tasks, and how far the blade leads the tip
 _LONGEST_DELAY = next(f.metadata["high"] for f in fields(SensorParameters) if f.name == "force_delay")  # [s]

@@ -1,7 +1,4 @@
-"""Calibration of a force sensor by known weights.
-
-Counts, or newtons, against what hangs on it.
-"""
+"""Calibration of a force sensor by known weights. Counts, or newtons, against what hangs on it."""
 
 from __future__ import annotations
 
@@ -11,33 +8,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutenv._base.validation import in_range
-from cutenv.rig.devices.protocols import ForceSample, MotionSample
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import Operator
+from cutenv.rig.operation.recorder import Recorder
 from cutenv.rig.plant import RigPlant
 
-GRAVITY = 9.80665
-"""Standard gravity [m/s2]; the local one differs by up to 0.3 %."""
-LISTENED = 2.0
-"""Time over which readings are averaged for each weight [s]."""
+GRAVITY = 9.80665  # standard gravity [m/s2]; the local one differs by up to 0.3 %
+LISTENED = 2.0  # time over which readings are averaged for each weight [s]
 _FEWEST = 10  # readings of a mean
 _STEADY = 0.05  # [1] of the step between weights, by which readings may vary: more is a weight that swings
 
 
 @dataclass(frozen=True, kw_only=True)
 class Weighing:
-    """Result of a calibration by weights.
+    """Result of a calibration by weights."""
 
-    Attributes
-    ----------
-    masses : tuple of float
-        Masses, in order [kg].
-    counts, readings : tuple of float
-        Mean counts, and mean readings by the present calibration [N], for each.
-    """
-
-    masses: tuple[float, ...]
-    counts: tuple[float, ...]
+    masses: tuple[float, ...]  # masses, in order [kg]
+    counts: tuple[float, ...]  # mean counts, and mean readings by the present calibration [N], for each
     readings: tuple[float, ...]
 
     @property
@@ -62,62 +49,32 @@ class Weighing:
         return float(np.abs((np.array(self.counts) - offset) / slope - np.array(self.forces)).max())
 
 
-class _Witness:
-    """Receiver of readings of one axis."""
-
-    def __init__(self, axis: int) -> None:
-        self._axis = axis
-        self.counts: list[int] = []
-        self.readings: list[float] = []
-
-    def force(self, sample: ForceSample) -> None:
-        self.counts.append(sample.counts[self._axis])
-        self.readings.append(sample.force[self._axis])
-
-    def motion(self, axis: str, sample: MotionSample) -> None:
-        """Ignore it."""
-
-    def alive(self, axis: str, time: float) -> None:
-        """Ignore it."""
-
-
 def weigh(plant: RigPlant, masses: Sequence[float], operator: Operator) -> Weighing:
     """Ask for each weight, and average readings, without power or motion.
 
-    Parameters
-    ----------
-    plant : RigPlant
-        Open rig without power; its present zero does not matter.
-    masses : sequence of float
-        Masses to hang on the sensor along the cut, 0 for none [kg].
-    operator : Operator
-        Person who hangs them.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than 2 masses, or all are the same.
-    RigError
-        If the operator does not go on, readings are missing, or do not change with the weight.
+    ``plant`` is open, without power; its present zero does not matter. ``masses`` [kg] are hung on the sensor along the
+    cut, 0 for none. Raise ValueError if there are fewer than 2 masses, or all are the same; RigError if the operator
+    does not go on, readings are missing, or do not change with the weight.
     """
     checked = [in_range("masses", mass, 0.0, 50.0, "kg", "200 g is 0.2.") for mass in masses]
     if len(set(checked)) < 2:
         raise ValueError(f"masses = {masses}: give two different ones at least, such as 0 g and 500 g.")
+    axis = "xyz".index(plant.settings.sensor.cut_axis)
     means, spreads = [], []
     for mass in checked:
         what = f"Hang {1e3 * mass:g} g on the sensor, along the cut" if mass else "Take every weight off the sensor"
         if not operator.ask_ready(f"{what}, and let it rest"):
             raise RigError("the operator has not gone on: nothing was calibrated.")
-        witness = _Witness("xyz".index(plant.settings.sensor.cut_axis))
-        plant.witness = witness
+        recorder = plant.witness = Recorder()
         try:
             plant.clock.sleep_until(plant.clock.now() + max(LISTENED, _FEWEST / plant.settings.sensor.rate))
         finally:
             plant.witness = None
-        if len(witness.counts) < _FEWEST // 2:
-            raise RigError(f"{len(witness.counts)} readings came within {LISTENED:g} s: is the sensor streaming?")
-        means.append((float(np.mean(witness.counts)), float(np.mean(witness.readings))))
-        spreads.append(float(np.std(witness.counts)))
+        heard = [(each.counts[axis], each.force[axis]) for each in recorder.forces(-np.inf, np.inf)]
+        if len(heard) < _FEWEST // 2:
+            raise RigError(f"{len(heard)} readings came within {LISTENED:g} s: is the sensor streaming?")
+        means.append(np.mean(heard, axis=0).tolist())
+        spreads.append(float(np.std(heard, axis=0)[0]))
     counts, readings = zip(*means, strict=True)
     step = max(counts) - min(counts)
     if step < 20.0 or max(spreads) > _STEADY * step:

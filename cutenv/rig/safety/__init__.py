@@ -1,4 +1,1 @@
-"""Safety of a rig.
-
-The supervisor, its monitors, causes of a stop and quick stops.
-"""
+"""Safety of a rig. The supervisor, its monitors, causes of a stop and quick stops."""

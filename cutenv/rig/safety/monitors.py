@@ -13,48 +13,24 @@ from cutenv.rig.devices.protocols import DriveState, ForceSample, MotionSample
 from cutenv.rig.devices.reading_stream import LEAK, SEQUENCES, SampleClock
 from cutenv.rig.safety.stop_causes import STILL, SURPLUS, Breach, Cause, SampleRateMonitor, stuck_after
 
-RISE_OVER = 0.010
-"""Window over which a rise of force is measured, longer than noise lasts [s]."""
+RISE_OVER = 0.010  # window over which a rise of force is measured, longer than noise lasts [s]
 _LOSS_OVER = 0.100  # [s] window for the share of lost readings
 _HARDER = 0.5  # [N] beyond the least vertical force since the blade is raised to be relieved, at which it is stopped
 
 
 class ForceReadings(NamedTuple):
-    """Readings that a force sensor sends.
+    """Readings that a force sensor sends."""
 
-    Attributes
-    ----------
-    rate : float
-        Rate of the readings [Hz].
-    rate_error : float
-        Greatest relative error of the rate [1].
-    axes : str
-        Axes that the sensor measures; the others stand at 0.
-    """
-
-    rate: float
-    rate_error: float = LEAK
-    axes: str = "xyz"
+    rate: float  # rate of the readings [Hz]
+    rate_error: float = LEAK  # greatest relative error of the rate [1]
+    axes: str = "xyz"  # axes that the sensor measures; the others stand at 0
 
 
 class ForceMonitor:
     """Monitor that checks every force reading against the limits.
 
-    Parameters
-    ----------
-    limits : Limits
-        Limits of force, rise, losses and delay.
-    readings : ForceReadings
-        Readings that the sensor sends.
-    identified : Identified, optional
-        Identified properties of the rig: the time that each force axis stays at one count through its own noise.
-    height : HeightAxis, optional
-        Height axis of the rig, with the limit of the vertical force.
-
-    Attributes
-    ----------
-    newest : ForceSample or None
-        Last reading; None before the first.
+    ``identified`` has the time that each force axis stays at one count through its own noise, ``height`` the limit of
+    the vertical force.
     """
 
     def __init__(
@@ -72,7 +48,7 @@ class ForceMonitor:
         still = (known.force_still_x, known.force_still_y, known.force_still_z)
         self._identified = tuple(each is not None for each in still)
         self._still = tuple(max(STILL if each is None else each, limits.frozen_force) for each in still)  # [s]
-        self.newest: ForceSample | None = None
+        self.newest: ForceSample | None = None  # last reading; None before the first
         self.restart()
 
     def restart(self) -> None:
@@ -193,24 +169,17 @@ def _newtons(sample: ForceSample) -> str:
     return "(" + ", ".join(f"{value:.2f}" for value in sample.force) + ") N"
 
 
-REST_SPEED = 1e-4
-"""Speed below which the blade counts as at rest [m/s]."""
-SAMPLES = 3
-"""Samples over which acceleration is measured, and standstill decided."""
-LONG = 9
-"""Samples over which speed is computed from position, whatever speed the drive reports."""
-JITTER = 1.2
-"""Factor on the limit for such a speed [1]: samples arrive unevenly."""
-CREEP = 0.002
-"""Greatest speed at which a blade returns from beyond an end of its travel [m/s]."""
+REST_SPEED = 1e-4  # speed below which the blade counts as at rest [m/s]
+SAMPLES = 3  # samples over which acceleration is measured, and standstill decided
+LONG = 9  # samples over which speed is computed from position, whatever speed the drive reports
+JITTER = 1.2  # factor on the limit for such a speed [1]: samples arrive unevenly
+CREEP = 0.002  # greatest speed at which a blade returns from beyond an end of its travel [m/s]
+# sum of the differences from the commanded way, from rest to rest, at which an axis that moves is stopped [m]
 SUMMED = 0.005
-"""Sum of the differences from the commanded way, from rest to rest, at which an axis that moves is stopped [m]."""
+# torque of a motor over its rated torque [1], at which it is stopped if it lasts for :data:`SAMPLES` samples
 MOST_TORQUE = 2.5
-"""Torque of a motor over its rated torque [1], at which it is stopped if it lasts for :data:`SAMPLES` samples."""
-FASTER = 2.0
-"""Multiple of :data:`CREEP` from which the return is a breach [1]."""
-OUTWARD = 2e-4
-"""Distance outward from the innermost position reached, from which the return is a breach [m]."""
+FASTER = 2.0  # multiple of :data:`CREEP` from which the return is a breach [1]
+OUTWARD = 2e-4  # distance outward from the innermost position reached, from which the return is a breach [m]
 
 
 def rests(samples: deque[MotionSample]) -> bool:
@@ -229,23 +198,15 @@ def elapsed(samples: deque[MotionSample], count: int, sync: float) -> float:
 
 
 _MEMORY = 0.5  # [s] time constant with which a difference is forgotten: lag and acceleration are not known exactly
-NOMINAL_LAG = 0.040
-"""Lag of a velocity loop that has not been identified [s]."""
+NOMINAL_LAG = 0.040  # lag of a velocity loop that has not been identified [s]
 
 
 class FollowingMonitor:
     """Model of an axis's velocity loop (lag and acceleration limit), compared with its samples one by one.
 
-    Parameters
-    ----------
-    lag, acceleration : float
-        Lag [s] and acceleration limit [m/s2 or rad/s2] of the axis.
-    sync : float
-        Time between samples [s].
-    slow : float
-        Expected speed below which an axis may stand still [m/s or rad/s].
-    unmoved : float
-        Distance within which it counts as standing [m or rad].
+    ``lag`` [s] and ``acceleration`` limit [m/s2 or rad/s2] are the axis's; ``sync``: time between samples [s];
+    ``slow``: expected speed below which an axis may stand still [m/s or rad/s]; ``unmoved``: distance within which it
+    counts as standing [m or rad].
     """
 
     def __init__(self, *, lag: float, acceleration: float, sync: float, slow: float, unmoved: float) -> None:
@@ -265,11 +226,8 @@ class FollowingMonitor:
     def watch(self, sample: MotionSample, command: float) -> tuple[bool, float]:
         """Compare a sample with the motion expected from ``command`` [m/s or rad/s].
 
-        Returns
-        -------
-        tuple of bool, float
-            True if the encoder is stuck, and the distance of the axis from where it should be [m or rad], positive: too
-            far. Differences in motion are forgotten; from the place where it came to rest they are not.
+        Return True if the encoder is stuck, and the distance of the axis from where it should be [m or rad], positive:
+        too far. Differences in motion are forgotten; from the place where it came to rest they are not.
         """
         last, self._last = self._last, sample
         if last is None:
@@ -308,18 +266,8 @@ class FollowingMonitor:
 class LinearMonitor:
     """Monitor that checks every sample of one axis against its limits and against the command.
 
-    Parameters
-    ----------
-    limits : Reach
-        Limits of the axis.
-    following : FollowingMonitor
-        Model of its velocity loop.
-    sync : float
-        Time between samples [s].
-    outside : Cause
-        Cause of a stop beyond an end of travel.
-    place, way : str
-        Words for its place and direction.
+    ``sync``: time between samples [s]; ``outside``: cause of a stop beyond an end of travel; ``place``, ``way``: words
+    for its place and direction.
     """
 
     def __init__(
@@ -420,10 +368,7 @@ class LinearMonitor:
 
 
 class HeightMonitor(LinearMonitor):
-    """Monitor of the height axis.
-
-    Commands are upwards, and a blade that cannot be raised is a fault.
-    """
+    """Monitor of the height axis. Commands are upwards, and a blade that cannot be raised is a fault."""
 
     def _stuck(self, command: float) -> Breach:
         if command > 0.0:
@@ -449,22 +394,12 @@ _ACROSS: Mapping[str, Callable[[Reach, FollowingMonitor, float], LinearMonitor]]
 class MotionMonitor:
     """Monitor that checks every axis sample against the limits and against the command.
 
-    Parameters
-    ----------
-    settings : RigSettings
-        Limits, and the axes' properties that determine the expected motion.
-    follows : bool
-        True if the blade follows commands; False for a replayed cut.
-
-    Attributes
-    ----------
-    newest : dict
-        Last sample of each axis.
+    ``follows``: True if the blade follows commands; False for a replayed cut.
     """
 
     def __init__(self, settings: RigSettings, *, follows: bool) -> None:
         self._limits, self._sync = settings.limits, settings.bus.sync
-        self.newest: dict[str, MotionSample] = {}
+        self.newest: dict[str, MotionSample] = {}  # last sample of each axis
         self._cadences: dict[str, SampleRateMonitor] = {}
         self._strained: dict[str, int] = {}  # consecutive samples of a motor beyond its torque
         identified, reaches, sync = settings.identified, settings.reaches, settings.bus.sync

@@ -23,17 +23,11 @@ from cutenv.rig.safety.stop_causes import Cause, StopReport
 
 
 class Oversight(Protocol):
-    """Safety of a rig, in this process or in the spine's.
+    """Safety of a rig, in this process or in the spine's. See :class:`cutenv.rig.safety.supervisor.Supervisor`."""
 
-    See :class:`cutenv.rig.safety.supervisor.Supervisor`.
-    """
-
-    limited: int
-    """Number of commands that were reduced to a limit since :meth:`release`."""
-    settings: RigSettings
-    """Settings of the rig, with the limits that are in force."""
-    limits: SafetyLimits
-    """Limits that are in force."""
+    limited: int  # number of commands that were reduced to a limit since :meth:`release`
+    settings: RigSettings  # settings of the rig, with the limits that are in force
+    limits: SafetyLimits  # limits that are in force
 
     @property
     def phase(self) -> Phase:
@@ -172,12 +166,8 @@ def guarded(supervisor: Oversight) -> Iterator[None]:
 def interrupt(supervisor: Oversight, cause: Cause, detail: str, number: int = signal.SIGINT) -> None:
     """Stop the blade from a signal handler, which may have interrupted any code, even under a lock.
 
-    While the rig is released, the stop runs in a thread of its own.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        If nothing may move, so that the program ends.
+    While the rig is released, the stop runs in a thread of its own. Raise KeyboardInterrupt if nothing may move, so
+    that the program ends.
     """
     if supervisor.phase != "ready":
         raise KeyboardInterrupt(detail)

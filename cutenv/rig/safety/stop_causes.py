@@ -20,8 +20,7 @@ from cutenv.rig.devices.loop import Attempt
 from cutenv.rig.devices.protocols import DriveState, MotionDriver, MotionSample
 from cutenv.rig.errors import RigError
 
-SURPLUS = 4.0
-"""Surplus of samples over SYNCs from which it is no jitter."""
+SURPLUS = 4.0  # surplus of samples over SYNCs from which it is no jitter
 _STALLED = 0.25  # [s] of samples that may come at once, after this computer has stalled
 _MEMORY = 20.0  # SYNCs after which a surplus or a lack is forgotten
 
@@ -29,12 +28,8 @@ _MEMORY = 20.0  # SYNCs after which a surplus or a lack is forgotten
 class SampleRateMonitor:
     """Counter of the samples of one axis against the time.
 
-    They come once with every SYNC, not doubled by the bus or requested by another master.
-
-    Parameters
-    ----------
-    sync : float
-        Time between samples [s].
+    They come once with every SYNC, not doubled by the bus or requested by another master. ``sync`` is the time between
+    samples [s].
     """
 
     def __init__(self, sync: float) -> None:
@@ -99,13 +94,12 @@ class Breach(NamedTuple):
 
 ENDS_SESSION = (Cause.INTERRUPTED, Cause.OPERATOR, Cause.ORPHANED, Cause.SPINE)
 """Causes that end the whole session, not only one cut."""
-WATCH = 0.002
-"""Period at which the watchdog looks for overdue signals [s]."""
+WATCH = 0.002  # period at which the watchdog looks for overdue signals [s]
+# time that a blade commanded to move may stand before its encoder counts as stuck [s], on a rig with fast samples
 STUCK_AFTER = 0.060
-"""Time that a blade commanded to move may stand before its encoder counts as stuck [s], on a rig with fast samples."""
 
+# time that a force axis may stay at one count while the blade moves, if its own noise is not identified [s]
 STILL = 0.200
-"""Time that a force axis may stay at one count while the blade moves, if its own noise is not identified [s]."""
 
 
 def stuck_after(sync: float) -> float:
@@ -160,23 +154,16 @@ def detection_times(limits: SafetyLimits, *, packet: float = 0.001, sync: float 
 
 @dataclass(kw_only=True)
 class StopReport:
-    """Report of a stop.
-
-    Times on the rig's clock [s], None for what has not happened yet.
-    """
+    """Report of a stop. Times on the rig's clock [s], None for what has not happened yet."""
 
     cause: Cause
     detail: str
     detected: float
-    commanded: float | None = None
-    """Time at which the quick stop was put on the bus [s]."""
+    commanded: float | None = None  # time at which the quick stop was put on the bus [s]
     standstill: float | None = None
-    position: float | None = None
-    """Position of the blade at detection [m]."""
-    rest_position: float | None = None
-    """Position of the blade at rest [m]."""
-    peak_force: float = 0.0
-    """Greatest norm of the force since detection [N]."""
+    position: float | None = None  # position of the blade at detection [m]
+    rest_position: float | None = None  # position of the blade at rest [m]
+    peak_force: float = 0.0  # greatest norm of the force since detection [N]
 
     @property
     def time_to_standstill(self) -> float | None:
@@ -212,12 +199,7 @@ class StopReport:
 class RigStopped(RigError):
     """Error for a blade that was stopped, and stays so until the operator resets it.
 
-    Attributes
-    ----------
-    report : StopReport
-        Cause of the stop, and how long it took.
-    readings : Records
-        Readings since the last command, until the blade was at rest.
+    ``readings`` are those since the last command, until the blade was at rest.
     """
 
     def __init__(self, report: StopReport, readings: StructArray) -> None:
@@ -225,14 +207,13 @@ class RigStopped(RigError):
         self.report, self.readings = report, readings
 
 
-AGAIN = 0.005
-"""Period of the timer that repeats quick stops [s]."""
+AGAIN = 0.005  # period of the timer that repeats quick stops [s]
+# time after a quick stop [s] from which it is repeated, every period, to a drive that is not seen to obey
 RESEND_STOP_AFTER = 0.010
-"""Time after a quick stop [s] from which it is repeated, every period, to a drive that is not seen to obey."""
+# time of repeated quick stops that a drive ignores, after which our heartbeat ends: its own watchdog stops it [s]
 WITHHOLD_HEARTBEAT_AFTER = 0.040
-"""Time of repeated quick stops that a drive ignores, after which our heartbeat ends: its own watchdog stops it [s]."""
+# time for a driver to return from its first quick stop [s]; those of the other axes are sent meanwhile
 RETURNS_WITHIN = 0.050
-"""Time for a driver to return from its first quick stop [s]; those of the other axes are sent meanwhile."""
 _OFTEN = 0.0005  # [s] between two answers to another master's frames: no more bus load than theirs
 
 
@@ -243,15 +224,8 @@ class QuickStops:
 
     A single frame may be lost, or undone by another master: they are repeated until every drive is seen to obey. Each
     is sent from a thread of its own: a driver that does not return, or raises, keeps no other axis from its stop.
-
-    Parameters
-    ----------
-    axes : mapping of str to MotionDriver
-        Drivers of the axes, by name.
-    newest : mapping of str to MotionSample
-        Last sample of each axis, by name.
-    fresh : float
-        Greatest age at which a sample still shows the state of its drive [s].
+    ``axes`` and ``newest`` samples are by name; ``fresh``: greatest age at which a sample still shows the state of its
+    drive [s].
     """
 
     def __init__(self, axes: Mapping[str, MotionDriver], newest: Mapping[str, MotionSample], *, fresh: float) -> None:

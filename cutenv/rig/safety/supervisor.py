@@ -20,15 +20,13 @@ from cutenv.rig.errors import RigError
 from cutenv.rig.safety.monitors import CREEP, ForceMonitor, ForceReadings, MotionMonitor
 from cutenv.rig.safety.stop_causes import Breach, Cause, QuickStops, StopReport
 
-MARGIN = 1.04
-"""Ratio of the speed limit to the greatest commanded speed [1]: the drive's speed loop overshoots."""
+MARGIN = 1.04  # ratio of the speed limit to the greatest commanded speed [1]: the drive's speed loop overshoots
 _ROUNDING = 1e-9  # [m/s] of a speed that was reduced to the limit before
+# time constant near the ends of travel [s]: a speed is allowed that would take at least this long to reach the end
 BRAKING = 0.16
-"""Time constant near the ends of travel [s]: a speed is allowed that would take at least this long to reach the end."""
 _SHORT = 1e-4  # [m] from an end of travel, the distance at which the allowed speed is zero
 _STRAYED = {"blade": 0.003, "angle": math.radians(10.0), "height": 0.001, "side": 0.001}  # [m], [rad] of a locked axis
-ASLEEP = 0.060
-"""Time since the watchdog last ran, at which a reading or a command stops the blade [s]."""
+ASLEEP = 0.060  # time since the watchdog last ran, at which a reading or a command stops the blade [s]
 _SENT_WITHIN = 0.5  # [s] for the quick stops of a stop to be sent, before its reset
 _FALLEN = (DriveState.QUICK_STOP, DriveState.REACTING, DriveState.FAULT)
 
@@ -39,20 +37,9 @@ class Supervisor:
     Puts a quick stop on the bus at the first breach, and keeps the rig stopped.
 
     The loop, and drivers with a thread of their own, report to it, and every command passes through it. It refuses all
-    motion until :meth:`release`; after a stop, :meth:`reset` has to come first.
-
-    Parameters
-    ----------
-    settings : RigSettings
-        Settings of the rig, with its limits.
-    clock : Clock
-        Clock of the rig.
-    axes : sequence of MotionDriver
-        Driver of the blade, and of angle, height and side where it has them.
-    readings : ForceReadings
-        Readings of the force sensor.
-    follows : bool
-        True if the blade follows commands. False for a replayed cut, for which following errors are not checked.
+    motion until :meth:`release`; after a stop, :meth:`reset` has to come first. ``axes`` are the driver of the blade,
+    and of angle, height and side where it has them; ``follows``: False for a replayed cut, for which following errors
+    are not checked.
     """
 
     def __init__(
@@ -70,10 +57,8 @@ class Supervisor:
         self._latch = Latch()
         for axis in axes:
             axis.latch = self._latch
-        self.report: StopReport | None = None
-        """Report of the last stop; None before the first."""
-        self.limited = 0
-        """Number of commands that were reduced to a limit since :meth:`release`."""
+        self.report: StopReport | None = None  # report of the last stop; None before the first
+        self.limited = 0  # number of commands that were reduced to a limit since :meth:`release`
         self._lock = threading.Lock()  # of phase, report and commands; nothing is sent or awaited under it
         self._sent = threading.Event()  # not set: the quick stops of a stop are under way
         self._sent.set()
@@ -155,17 +140,12 @@ class Supervisor:
     def drive(self, speed: float, angle: float, hold: float, **across: float) -> float:
         """Check, limit and send a command that is valid for ``hold`` [s]; return the angle to turn to [rad].
 
-        ``across`` are the speeds of the other straight axes by name [m/s]: ``height`` upwards, ``side`` to the left;
-        0 by default.  Where one to the side is limited, the speed along the cut is reduced alike, and the other way
-        round: the blade keeps its course.
-        A stop does not wait for a driver that sends a command. No command follows a quick stop, which with some drive
-        settings would start the motion again: drivers ask the latch before and after each frame, and an axis whose
-        command has met a stop is stopped once more.
-
-        Raises
-        ------
-        RigError
-            If the rig is not released, or is stopped.
+        ``across`` are the speeds of the other straight axes by name [m/s]: ``height`` upwards, ``side`` to the left; 0
+        by default. Where one to the side is limited, the speed along the cut is reduced alike, and the other way round:
+        the blade keeps its course. A stop does not wait for a driver that sends a command. No command follows a quick
+        stop, which with some drive settings would start the motion again: drivers ask the latch before and after each
+        frame, and an axis whose command has met a stop is stopped once more. Raise RigError if the rig is not released,
+        or is stopped.
         """
         wanted = {"blade": speed} | {name: across.get(name, 0.0) for name in self.settings.cross_axes}
         if self.phase is Phase.READY and not (math.isfinite(angle) and all(map(math.isfinite, wanted.values()))):
@@ -320,16 +300,9 @@ class Supervisor:
     def release(self, *, returning: bool = False) -> None:
         """Allow commands, once every signal is present and within its limits.
 
-        Parameters
-        ----------
-        returning : bool
-            True if the operator has agreed that a blade beyond an end of its travel creeps back inside, or that one
-            which presses on the tissue is raised slowly; no other motion is allowed before.
-
-        Raises
-        ------
-        RigError
-            If something is missing or wrong; the message lists all of it.
+        ``returning``: True if the operator has agreed that a blade beyond an end of its travel creeps back inside, or
+        that one which presses on the tissue is raised slowly; no other motion is allowed before. Raise RigError if
+        something is missing or wrong; the message lists all of it.
         """
         if self.phase is Phase.READY:
             return  # the last command stays under watch
@@ -378,12 +351,7 @@ class Supervisor:
     def lower(self, limits: SafetyLimits) -> None:
         """Adopt each limit that is stricter than the present one.
 
-        The others stay. For a rig that is locked.
-
-        Raises
-        ------
-        RigError
-            If the rig is released.
+        The others stay. For a rig that is locked. Raise RigError if the rig is released.
         """
         if self.phase is Phase.READY:
             raise RigError("limits are lowered between cuts, while the rig is locked.")
@@ -399,13 +367,8 @@ class Supervisor:
     def reset(self, agreed: bool) -> None:
         """Clear what is :attr:`latched`, if the operator has explicitly ``agreed``.
 
-        The drives are left without power.
-
-        Raises
-        ------
-        RigError
-            If the operator has not agreed, a drive does not leave its fault, or another stop happened meanwhile; the
-            rig is then stopped and can be reset again.
+        The drives are left without power. Raise RigError if the operator has not agreed, a drive does not leave its
+        fault, or another stop happened meanwhile; the rig is then stopped and can be reset again.
         """
         if (why := self.latched) is None:
             return

@@ -1,7 +1,4 @@
-"""Axis of the rig on one CiA 402 drive.
-
-State machine, commands, samples, and stop.
-"""
+"""Axis of the rig on one CiA 402 drive. State machine, commands, samples, and stop."""
 
 from __future__ import annotations
 
@@ -19,8 +16,7 @@ from cutenv.rig.devices.protocols import DriveState, MotionSample
 from cutenv.rig.errors import RigError
 
 _TOLD, _TOLD_EVERY = 20, 0.010  # quick stops before clearing a drive that still has power; [s] between them
-UNDER_WAY = 5
-"""Answers to SYNC that may be under way; more, and the bus is too late for a stop."""
+UNDER_WAY = 5  # answers to SYNC that may be under way; more, and the bus is too late for a stop
 _LIMITED = 3  # statuswords with an internal limit, from which it is no start of a motion
 _REST = 0.01  # [1] share of the top speed below which an axis counts as at rest
 _STATUS, _MEASURED = o.STATUS_PDO.layout, o.MEASURED_PDO.layout
@@ -31,28 +27,16 @@ class CanopenAxis(AxisDriver):
     """Maxon EPOS4, or another drive with its objects, in profile velocity mode.
 
     Positions are the drive's own: it must have been homed so that zero is the clamp. A drive found with power on is
-    switched off when it is opened; one found in fault stays in fault: see :meth:`clear`.
-
-    Parameters
-    ----------
-    network : CanNetwork
-        Network shared by the axes of a rig.
-    settings : Axis
-        Settings of this axis.
-    clock : Clock
-        Clock that dates events without a frame of their own.
-    name : str
-        "blade", "angle", "height" or "side".
+    switched off when it is opened; one found in fault stays in fault: see :meth:`clear`. ``clock`` dates events without
+    a frame of their own.
     """
 
     device, silence, report_limit = "drive", "our heartbeat ends", 0.3
 
     def __init__(self, network: CanNetwork, settings: Axis, clock: Clock, *, name: str = "blade") -> None:
         super().__init__(name, settings, clock)
-        self.garbled = 0
-        """Number of frames from the drive that violated the standard and were ignored."""
-        self.last_garbled = ""
-        """Fault of the last such frame, as a text."""
+        self.garbled = 0  # number of frames from the drive that violated the standard and were ignored
+        self.last_garbled = ""  # fault of the last such frame, as a text
         self._network = network
         self._dictionary: SdoChannel | None = None
         self._units: AxisUnits | None = None
@@ -67,12 +51,7 @@ class CanopenAxis(AxisDriver):
     def units(self) -> AxisUnits:
         """Conversion to the drive's units.
 
-        ``units.steps`` is 1000 for milli-rpm, 1 for whole rpm only.
-
-        Raises
-        ------
-        RigError
-            If the axis was never opened.
+        ``units.steps`` is 1000 for milli-rpm, 1 for whole rpm only. Raise RigError if the axis was never opened.
         """
         if self._units is None:
             raise RigError(f"{self.name}: the drive's units are not known before it is opened.")
@@ -118,25 +97,11 @@ class CanopenAxis(AxisDriver):
         self._network.leave(self)
 
     def limits(self) -> dict[str, float]:
-        """Return the drive's own travel, "speed", "acceleration" and "quick_stop".
-
-        The ends of travel are the software limits "low" and "high".
-
-        Raises
-        ------
-        RigError
-            If it is not open, or the drive does not answer.
-        """
+        """Return the drive's own travel, "speed", "acceleration" and "quick_stop"."""
         return configuration.read_limits(self._book, self.units)
 
     def about(self) -> dict[str, float | str]:
-        """Return the drive's identity, gear, encoder, units and response time.
-
-        Raises
-        ------
-        RigError
-            If it is not open, or the drive does not answer.
-        """
+        """Return the drive's identity, gear, encoder, units and response time."""
         asked = self._clock.now()
         word = self._book.read(o.STATUSWORD)
         trip = self._clock.now() - asked
@@ -173,23 +138,11 @@ class CanopenAxis(AxisDriver):
         self._control(o.QUICK_STOP)
 
     def disable(self) -> None:
-        """Switch off the power of an axis at rest.
-
-        Raises
-        ------
-        RigError
-            If it does not come to rest, or does not answer.
-        """
+        """Switch off the power at rest; raise RigError without rest or answer."""
         self._power_off()
 
     def clear(self) -> None:
-        """Leave quick stop or fault for rest without power, within the latch's reset.
-
-        Raises
-        ------
-        RigError
-            If the fault stays because its cause does, or the drive does not answer.
-        """
+        """Leave quick stop or fault for rest without power, within the latch's reset."""
         self._fresh()
         if self._for_good:
             self._book.put(o.QUICK_STOP_OPTION, o.STOP_AND_STAY)

@@ -1,7 +1,4 @@
-"""Object dictionary of a drive by SDO.
-
-Its set-up is read, compared, written and read back, before it moves.
-"""
+"""Object dictionary of a drive by SDO, and its set-up."""
 
 from __future__ import annotations
 
@@ -34,15 +31,6 @@ class SdoChannel:
 
     Every method raises :class:`Unanswered` after half a second without an answer, :class:`SdoRefused` if the drive
     aborts, and :class:`RigError` if the bus is broken; the messages name axis, node and object.
-
-    Parameters
-    ----------
-    network : CanNetwork
-        Network that the axis has joined.
-    node : int
-        Number of the drive's node.
-    name : str
-        Name of the axis.
     """
 
     def __init__(self, network: CanNetwork, node: int, name: str) -> None:
@@ -115,18 +103,14 @@ class SdoChannel:
         return f"{self._name}: node {self._node}"
 
 
-PRODUCER_PERIOD = 0.050
-"""Period of a drive's heartbeat [s]."""
+PRODUCER_PERIOD = 0.050  # period of a drive's heartbeat [s]
 _FIRST_QUESTIONS = 4  # times the answer limit of an SDO: a drive that was just switched on is booting
 
 
 def check_identity(dictionary: SdoChannel, name: str, axis: Axis, bus: Bus) -> None:
     """Check that the node exists and is a maxon drive.
 
-    Raises
-    ------
-    RigError
-        If it is not; the message names what was found and what was expected.
+    Raise RigError, with what was found and expected, if it is not.
     """
     for left in reversed(range(_FIRST_QUESTIONS)):
         try:
@@ -151,12 +135,8 @@ def check_identity(dictionary: SdoChannel, name: str, axis: Axis, bus: Bus) -> N
 def configure(dictionary: SdoChannel, name: str, axis: Axis, bus: Bus) -> AxisUnits:
     """Write the set-up to a drive without power, in PRE-OPERATIONAL.
 
-    Return its units.
-
-    Raises
-    ------
-    RigError
-        If gear or encoder differ from the settings, or the drive does not keep a value; names the object.
+    Return its units. Raise RigError if gear or encoder differ from the settings, or the drive does not keep a value,
+    with the object's name.
     """
     _check_mechanics(dictionary, name, axis)
     try:

@@ -24,8 +24,7 @@ from cutenv.rig.devices.loop import AT_ONCE, READ_EVERY, Clock, Repeating
 from cutenv.rig.devices.protocols import Latch
 from cutenv.rig.errors import RigError
 
-PATIENCE = 2.0
-"""Time allowed for a gateway to accept the connection, and for each answer [s]."""
+PATIENCE = 2.0  # time allowed for a gateway to accept the connection, and for each answer [s]
 _LONGEST = 200  # characters of a message
 _IDENTIFIER = r"([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})"
 # More than 8 bytes are not a frame of CANopen; its listener ignores them.
@@ -34,24 +33,14 @@ _ERROR = re.compile(rf"< error {_IDENTIFIER} \d+\.\d+ >\Z")
 
 
 class GatewayError(OSError):
-    """Error for a gateway that cannot be used.
-
-    It is missing, is not one, does not answer, or has gone; the message says which.
-    """
+    """Error for a gateway that cannot be used."""
 
 
 class Socketcand:
     """One CAN bus behind a gateway.
 
-    Parameters
-    ----------
-    settings : Bus
-        Host, port and channel.
-
-    Raises
-    ------
-    GatewayError
-        If the gateway does not greet, open the bus and switch to raw frames, within :data:`PATIENCE` for each.
+    Raise GatewayError if the gateway does not greet, open the bus and switch to raw frames, within :data:`PATIENCE` for
+    each.
     """
 
     def __init__(self, settings: Bus) -> None:
@@ -79,12 +68,8 @@ class Socketcand:
 
         It is None if there is none within ``timeout`` [s].
 
-        Text that is not a message of socketcand, and messages of other kinds, are ignored.
-
-        Raises
-        ------
-        GatewayError
-            If the gateway has gone, or sends an invalid frame.
+        Text that is not a message of socketcand, and messages of other kinds, are ignored. Raise GatewayError if the
+        gateway has gone, or sends an invalid frame.
         """
         if not self._frames and self._readable(timeout):
             for message in self._more():
@@ -92,13 +77,7 @@ class Socketcand:
         return self._frames.popleft() if self._frames else None
 
     def send(self, message: Any, timeout: float | None = None) -> None:
-        """Put a frame on the bus.
-
-        Raises
-        ------
-        GatewayError
-            If the gateway does not accept it within ``timeout`` [s].
-        """
+        """Put a frame on the bus within ``timeout`` [s]; raise GatewayError."""
         number = f"{message.arbitration_id:08X}" if message.is_extended_id else f"{message.arbitration_id:03X}"
         data = "".join(f" {byte:02X}" for byte in message.data)
         self._put(f"< send {number} {len(message.data)}{data} >", timeout)
@@ -203,16 +182,9 @@ _CURES = {
 def open_bus(settings: Bus) -> Any:
     """Open the bus.
 
-    Return python-can's object, or for a socketcand gateway one with the same methods.
-
-    Raises
-    ------
-    RigError
-        If it cannot be opened; the message says what to check.
-    ValueError
-        If the interface is not among :data:`INTERFACES`.
-    ModuleNotFoundError
-        If python-can, or pyserial for slcan, is not installed.
+    Return python-can's object, or for a socketcand gateway one with the same methods. Raise RigError if it cannot be
+    opened; the message says what to check; ValueError if the interface is not among :data:`INTERFACES`;
+    ModuleNotFoundError if python-can, or pyserial for slcan, is not installed.
     """
     one_of("interface", settings.interface, INTERFACES)
     import can
@@ -235,13 +207,7 @@ def open_bus(settings: Bus) -> Any:
 
 
 def bus_arguments(settings: Bus) -> dict[str, Any]:
-    """Return the arguments of python-can's class for the interface.
-
-    Raises
-    ------
-    ValueError
-        If the channel is not valid for the interface.
-    """
+    """Return the arguments of python-can's class for the interface."""
     if settings.interface == "socketcand":
         return {"channel": settings.channel, "host": settings.host, "port": settings.port}
     if settings.interface == "kvaser":
@@ -257,13 +223,12 @@ def bus_arguments(settings: Bus) -> dict[str, Any]:
 
 _log = logging.getLogger(__name__)
 
-DRIVE_PATIENCE = 0.100
-"""Time without this computer's heartbeat after which a drive stops by itself [s]."""
+DRIVE_PATIENCE = 0.100  # time without this computer's heartbeat after which a drive stops by itself [s]
 _SEND_LIMIT = 0.02  # [s] for the bus to accept a frame
 _LISTENED = 0.15  # [s] before the first frame is sent: three heartbeats of another program like this one
 _FORGIVEN = 1.0  # [s] after which one answer to SYNC that has not come no longer counts
+# answers to SYNC taken for lost, at most, until a reset: a bus that is later and later seems to lose them as well
 TAKEN_FOR_LOST = 10
-"""Answers to SYNC taken for lost, at most, until a reset: a bus that is later and later seems to lose them as well."""
 _SDO_REQUESTS = range(0x601, 0x680)
 _BUS_OFF = 0x40  # in the number of an error frame, as Linux and socketcand give it
 
@@ -271,15 +236,10 @@ Handler = Callable[[bytes, float], None]
 
 
 class Member(Protocol):
-    """Member of a network.
+    """Member of a network. One axis, which is informed when the network breaks."""
 
-    One axis, which is informed when the network breaks.
-    """
-
-    name: str
-    """Name of the axis."""
-    latch: Latch
-    """Latch of the rig, which knows when it was last judged, and which heartbeats are withheld."""
+    name: str  # name of the axis
+    latch: Latch  # latch of the rig, which knows when it was last judged, and which heartbeats are withheld
 
     def lost(self, why: str, time: float) -> None:
         """Take the report of a lost bus since ``time`` [s]."""
@@ -300,18 +260,8 @@ class CanNetwork:
 
     It breaks, once, at the first frame that cannot be sent, read or handled, or when the bus goes off. From then on
     neither SYNC nor heartbeat is sent, so that the drives stop by themselves; other frames are still attempted.
-
-    Parameters
-    ----------
-    settings : Bus
-        Interface, periods, node of this computer.
-    clock : Clock
-        Paces SYNC and heartbeat, and dates what arrives.
-
-    Raises
-    ------
-    ValueError
-        If two heartbeats do not fit into :data:`DRIVE_PATIENCE`.
+    ``clock`` paces SYNC and heartbeat, and dates what arrives. Raise ValueError if two heartbeats do not fit into
+    :data:`DRIVE_PATIENCE`.
     """
 
     def __init__(self, settings: Bus, clock: Clock) -> None:
@@ -320,8 +270,7 @@ class CanNetwork:
             "A drive stops after 0.1 s without; two must fit into it, for one may be late.",
         )  # fmt: skip
         self.settings = settings
-        self.broken: str | None = None
-        """Reason why nothing gets through, None while all is well."""
+        self.broken: str | None = None  # reason why nothing gets through, None while all is well
         self._clock = clock
         self._members: list[Member] = []
         self._handlers: dict[int, Handler] = {}
@@ -338,13 +287,7 @@ class CanNetwork:
         return f"{self.settings.interface} {self.settings.channel}"
 
     def join(self, member: Member) -> None:
-        """Add a member; the first opens the bus.
-
-        Raises
-        ------
-        RigError
-            If the bus cannot be opened or is broken, or another master is on it.
-        """
+        """Add a member; the first opens the bus."""
         with self._joining:
             if not self._members:
                 self._open()
@@ -371,12 +314,8 @@ class CanNetwork:
     def send_message(self, can_id: int, data: bytes) -> None:
         """Put a frame on the bus, from any thread.
 
-        It waits only for its place in the queue. The name is the one that canopen's SDO client calls.
-
-        Raises
-        ------
-        RigError
-            If the bus does not accept it, which breaks the network.
+        It waits only for its place in the queue. The name is the one that canopen's SDO client calls. Raise RigError if
+        the bus does not accept it, which breaks the network.
         """
         bus = self._bus
         if bus is None:
@@ -416,13 +355,7 @@ class CanNetwork:
         self._usual[node] = self._syncs - self._answers.get(node, 0), self._syncs, 0
 
     def manage(self, command: int, node: int) -> None:
-        """Send a network management command to a node.
-
-        Raises
-        ------
-        RigError
-            If the bus does not accept it.
-        """
+        """Send a network management command to a node."""
         self.send_message(NMT_FRAME, bytes((command, node)))
 
     def _open(self) -> None:

@@ -1,7 +1,4 @@
-"""Numbers defined by CiA 301, CiA 402 and the EPOS4.
-
-Objects, words, modes, errors, PDOs; and conversion of units.
-"""
+"""Numbers defined by CiA 301, CiA 402 and the EPOS4, and units."""
 
 from __future__ import annotations
 
@@ -16,38 +13,18 @@ from cutenv.rig.devices.protocols import DriveState
 
 @dataclass(frozen=True)
 class Entry:
-    """One value in a drive's object dictionary.
+    """One value in a drive's object dictionary."""
 
-    Attributes
-    ----------
-    index, sub : int
-        Address of the value.
-    kind : str
-        Format code of :mod:`struct`, little endian; "s" for a text.
-    name : str
-        Name in the standard.
-    access : {"rw", "ro"}
-        Whether it may be written.
-    default : int or str
-        Value after power on, until another is stored.
-    low, high : int, optional
-        Limits of what may be written; None: those of the kind.
-    choices : tuple of int
-        Values that may be written; empty: all.
-    mappable : str
-        PDOs that it may be mapped to: "R" received, "T" transmitted by the drive.
-    """
-
-    index: int
+    index: int  # address of the value
     sub: int
-    kind: str
-    name: str
-    access: Literal["rw", "ro"] = "rw"
-    default: int | str = 0
-    low: int | None = None
+    kind: str  # format code of :mod:`struct`, little endian; "s" for a text
+    name: str  # name in the standard
+    access: Literal["rw", "ro"] = "rw"  # whether it may be written
+    default: int | str = 0  # value after power on, until another is stored
+    low: int | None = None  # limits of what may be written; None: those of the kind
     high: int | None = None
-    choices: tuple[int, ...] = ()
-    mappable: str = ""
+    choices: tuple[int, ...] = ()  # values that may be written; empty: all
+    mappable: str = ""  # PDOs that it may be mapped to: "R" received, "T" transmitted by the drive
 
     @property
     def bits(self) -> int:
@@ -63,16 +40,14 @@ class Entry:
         return f"0x{self.index:04X}:{self.sub:02X} ({self.name})"
 
 
-SERVO_402 = 0x0002_0192
-"""Device type of a servo drive that follows CiA 402."""
-MAXON = 0x0000_00FB
-"""Vendor number of maxon motor."""
+SERVO_402 = 0x0002_0192  # device type of a servo drive that follows CiA 402
+MAXON = 0x0000_00FB  # vendor number of maxon motor
+# value of 0x605A: down the quick-stop ramp, then stay in "quick stop active", which a command can leave
 STOP_AND_STAY = 6
-"""Value of 0x605A: down the quick-stop ramp, then stay in "quick stop active", which a command can leave."""
+# value of 0x605A: down the quick-stop ramp, during which commands have no effect, and then without power
 STOP_AND_RELEASE = 2
-"""Value of 0x605A: down the quick-stop ramp, during which commands have no effect, and then without power."""
+# value of 0x60A9: revolutions (0xB4) per minute (0x47); its first byte is a power of ten, two's complement
 WHOLE_RPM = 0x00B4_4700
-"""Value of 0x60A9: revolutions (0xB4) per minute (0x47); its first byte is a power of ten, two's complement."""
 MILLI_RPM = 0xFD00_0000 | WHOLE_RPM
 
 # What the rig reads and writes by name. An emulated drive has these same entries, and those that no name is needed for.
@@ -105,8 +80,7 @@ PROFILE_DECELERATION = Entry(0x6084, 0, "I", "profile deceleration", default=100
 QUICK_STOP_DECELERATION = Entry(0x6085, 0, "I", "quick stop deceleration", default=10000, low=1)  # [rpm/s]
 VELOCITY_UNIT = Entry(0x60A9, 0, "I", "SI unit velocity", default=WHOLE_RPM, choices=(WHOLE_RPM, MILLI_RPM))
 TARGET_VELOCITY = Entry(0x60FF, 0, "i", "target velocity", mappable="RT")  # [velocity units]
-NAMED = tuple(entry for entry in tuple(vars().values()) if isinstance(entry, Entry))
-"""All of the above."""
+NAMED = tuple(entry for entry in tuple(vars().values()) if isinstance(entry, Entry))  # all of the above
 
 # Controlwords (CiA 402)
 DISABLE_VOLTAGE = 0x00
@@ -116,23 +90,17 @@ ENABLE_OPERATION = 0x0F
 QUICK_STOP = 0x0B
 FAULT_RESET = 0x80
 
-PROFILE_VELOCITY = 3
-"""Mode in which the drive ramps to a target velocity by its own acceleration."""
-ABORT_BY_QUICK_STOP = 3
-"""Value of 0x6007: a drive that loses this computer's heartbeat makes a quick stop."""
-FAULT_BY_QUICK_STOP = 2
-"""Value of 0x605E: a fault that allows it ends in a stop down the quick-stop ramp."""
+PROFILE_VELOCITY = 3  # mode in which the drive ramps to a target velocity by its own acceleration
+ABORT_BY_QUICK_STOP = 3  # value of 0x6007: a drive that loses this computer's heartbeat makes a quick stop
+FAULT_BY_QUICK_STOP = 2  # value of 0x605E: a fault that allows it ends in a stop down the quick-stop ramp
 
 VELOCITY_STEPS: dict[int, int] = {WHOLE_RPM | (-power & 0xFF) << 24: 10**power for power in range(7)}
 """Steps in one rpm for each value of 0x60A9 that counts revolutions a minute."""
 
-NMT_OPERATIONAL = 0x05
-"""State in a heartbeat; 0x00 is the boot-up message."""
+NMT_OPERATIONAL = 0x05  # state in a heartbeat; 0x00 is the boot-up message
 NMT_BOOT_UP = 0x00
-NMT_START = 0x01
-"""Command to start a node."""
-NMT_PRE_OPERATIONAL = 0x80
-"""Command to make a node pre-operational."""
+NMT_START = 0x01  # command to start a node
+NMT_PRE_OPERATIONAL = 0x80  # command to make a node pre-operational
 
 # Frame numbers; the node's own number is added (CiA 301, pre-defined connection set).
 NMT_FRAME = 0x000
@@ -142,16 +110,12 @@ SDO_REQUEST_FRAME = 0x600
 SDO_RESPONSE_FRAME = 0x580
 HEARTBEAT_FRAME = 0x700
 
-EMERGENCY = struct.Struct("<HB5s")
-"""Layout of an emergency: error code, error register, bytes of the maker's own."""
+EMERGENCY = struct.Struct("<HB5s")  # layout of an emergency: error code, error register, bytes of the maker's own
 
 
 @dataclass(frozen=True)
 class Pdo:
-    """Frame of process data.
-
-    Its number, the objects of its set-up and mapping, its transmission type, its content.
-    """
+    """Frame of process data."""
 
     frame: int
     set_up_at: int
@@ -187,17 +151,13 @@ class Pdo:
 _AT_ONCE, _EVERY_SYNC = 255, 1
 _EXPEDITED_2 = 0x2B  # command of an SDO with two bytes of data
 _RPDOS = 4  # of the pre-defined connection set
-COMMAND_PDO = Pdo(0x200, 0x1400, 0x1600, _AT_ONCE, (CONTROLWORD, TARGET_VELOCITY, MODE))
-"""Commands to the drive, RPDO1."""
+COMMAND_PDO = Pdo(0x200, 0x1400, 0x1600, _AT_ONCE, (CONTROLWORD, TARGET_VELOCITY, MODE))  # commands to the drive, RPDO1
+# TPDO1, on every SYNC; its number is the lower, so it is on the bus before TPDO2
 STATUS_PDO = Pdo(0x180, 0x1800, 0x1A00, _EVERY_SYNC, (STATUSWORD, VELOCITY, MODE_SHOWN))
-"""TPDO1, on every SYNC; its number is the lower, so it is on the bus before TPDO2."""
-MEASURED_PDO = Pdo(0x280, 0x1801, 0x1A01, _EVERY_SYNC, (POSITION, TORQUE))
-"""TPDO2, on every SYNC."""
+MEASURED_PDO = Pdo(0x280, 0x1801, 0x1A01, _EVERY_SYNC, (POSITION, TORQUE))  # TPDO2, on every SYNC
 
-PDO_UNUSED = 1 << 31
-"""Bit in a PDO's number: disabled, so that it may be changed."""
-PDO_NO_REQUEST = 1 << 30
-"""Bit in a PDO's number: may not be requested by a remote frame; a drive may insist on it."""
+PDO_UNUSED = 1 << 31  # bit in a PDO's number: disabled, so that it may be changed
+PDO_NO_REQUEST = 1 << 30  # bit in a PDO's number: may not be requested by a remote frame; a drive may insist on it
 
 # Statuswords (CiA 402): mask, value, and the state that they mean.
 _STATES = (
@@ -212,24 +172,18 @@ _STATES = (
 )
 
 
+# bit of an EPOS4's statusword: the position is referenced to home. The standard leaves this bit to the maker
 HOMED = 0x8000
-"""Bit of an EPOS4's statusword: the position is referenced to home.  The standard leaves this bit to the maker."""
 
 
+# code, of those that the standard leaves to makers, under which a drive is reported that would not do as told
 HINDERED = 0xFF01
-"""Code, of those that the standard leaves to makers, under which a drive is reported that would not do as told."""
+# bits of a statusword: the drive obeys the bus; its power stage has voltage; a limit of its own holds it back
 REMOTE, VOLTAGE, INTERNAL_LIMIT = 0x0200, 0x0010, 0x0800
-"""Bits of a statusword: the drive obeys the bus; its power stage has voltage; a limit of its own holds it back."""
 
 
 def drive_state(statusword: int) -> DriveState:
-    """Return the state in a statusword.
-
-    Raises
-    ------
-    ValueError
-        If the standard defines no such state.
-    """
+    """Return the state in a statusword; raise ValueError if the standard defines no such state."""
     for mask, value, state in _STATES:
         if statusword & mask == value:
             return state
@@ -308,23 +262,12 @@ _STEPS_TO_TOP = 100  # least number of velocity units up to the top speed: fewer
 class AxisUnits:
     """Conversion between an axis in SI and its drive's integers.
 
-    They count the motor's shaft. "Length" below is metres, or radians of an axis that turns.
-
-    Attributes
-    ----------
-    axis : Axis
-        Encoder, gear, lead and direction.
-    steps : int
-        Steps of the drive's velocity unit in one rpm: 1000 for milli-rpm, 1 for whole rpm.
-
-    Raises
-    ------
-    ValueError
-        If the axis exceeds what the drive can count, or the velocity unit is too coarse.
+    They count the motor's shaft. "Length" below is metres, or radians of an axis that turns. Raise ValueError if the
+    axis exceeds what the drive can count, or the velocity unit is too coarse.
     """
 
-    axis: Axis
-    steps: int
+    axis: Axis  # encoder, gear, lead and direction
+    steps: int  # steps of the drive's velocity unit in one rpm: 1000 for milli-rpm, 1 for whole rpm
 
     def __post_init__(self) -> None:
         axis = self.axis
@@ -354,10 +297,7 @@ class AxisUnits:
     def velocity(self, speed: float) -> int:
         """Return a speed [length/s] in drive units, rounded.
 
-        Raises
-        ------
-        TypeError, ValueError
-            If it is not a number, or beyond the axis's top speed.
+        Raise TypeError, ValueError if it is not a number, or beyond the axis's top speed.
         """
         top = self.axis.speed * (1.0 + 1e-9)  # a product in the caller may be off in its last digit
         in_range("speed", speed, -top, top, "m/s or rad/s", "Raise the axis's speed in the rig's file, or go slower.")

@@ -1,7 +1,4 @@
-"""Board on a serial port that axis and sensor share.
-
-Reading, sign of life, break of the line; lines ``TEXT*CRC``.
-"""
+"""Board on a serial port that axis and sensor share; lines ``TEXT*CRC``."""
 
 from __future__ import annotations
 
@@ -16,10 +13,8 @@ from cutenv.rig.devices.loop import READ_EVERY, Clock, Repeating
 from cutenv.rig.devices.serial.ports import open_port, write_line
 from cutenv.rig.errors import RigError
 
-LINE_LENGTH = 72
-"""Bytes of a line at most, with its CRC."""
-BOARD_PROTOCOL = 1
-"""Version of the protocol, which the board reports."""
+LINE_LENGTH = 72  # bytes of a line at most, with its CRC
+BOARD_PROTOCOL = 1  # version of the protocol, which the board reports
 _START = 0xFFFF  # CRC-16/CCITT-FALSE
 
 
@@ -33,10 +28,7 @@ class BoardState(IntEnum):
 
 
 class BoardFlag(IntFlag):
-    """Flags of the board.
-
-    They tell of its pins at this moment, and of what has stopped it until it is cleared.
-    """
+    """Flags of the board: its pins now, and what has stopped it."""
 
     ZEROED = 1
     AT_LOW = 2
@@ -48,17 +40,11 @@ class BoardFlag(IntFlag):
 
 
 class LineError(ValueError):
-    """Error for a line that is damaged or unknown.
-
-    The message names the fault.
-    """
+    """Error for a line that is damaged or unknown. The message names the fault."""
 
 
 class MotionReport(NamedTuple):
-    """Report of the motion.
-
-    Number, state, flags, position [steps], rate [steps/s], lines that it did not take.
-    """
+    """Report of the motion. Number, state, flags, position [steps], rate [steps/s], lines that it did not take."""
 
     sequence: int
     state: BoardState
@@ -69,10 +55,7 @@ class MotionReport(NamedTuple):
 
 
 class ForceReport(NamedTuple):
-    """Reading of the load cell.
-
-    Number, status (0: healthy, 1: at the end of the range), counts.
-    """
+    """Reading of the load cell. Number, status (0: healthy, 1: at the end of the range), counts."""
 
     sequence: int
     status: int
@@ -88,10 +71,7 @@ class BoardIdentity(NamedTuple):
 
 
 class StepperSetup(NamedTuple):
-    """Set-up of the stepper.
-
-    Acceleration, that of a quick stop [steps/s2], top rate [steps/s], ends [steps].
-    """
+    """Set-up of the stepper. Acceleration, that of a quick stop [steps/s2], top rate [steps/s], ends [steps]."""
 
     acceleration: int
     quick_stop: int
@@ -112,15 +92,7 @@ def board_line(text: str) -> bytes:
 def board_report(line: bytes) -> Report:
     """Return what a line from the board says.
 
-    Parameters
-    ----------
-    line : bytes
-        Line without its end.
-
-    Raises
-    ------
-    LineError
-        If it is damaged, or nothing that a board of this protocol sends.
+    ``line`` is without its end. Raise LineError if it is damaged, or nothing that a board of this protocol sends.
     """
     text, star, crc = line.strip().rpartition(b"*")
     if not star or len(line) > LINE_LENGTH:
@@ -157,10 +129,9 @@ def _shown(line: bytes) -> str:
 
 _log = logging.getLogger(__name__)
 
+# time without a line from this computer after which a powered stepper stops by itself [s]; that of the sketch
 BOARD_PATIENCE = 0.100
-"""Time without a line from this computer after which a powered stepper stops by itself [s]; that of the sketch."""
-BEAT = 0.025
-"""Period of this computer's sign of life [s]: three may be late."""
+BEAT = 0.025  # period of this computer's sign of life [s]: three may be late
 _ANSWER, _AGAIN = 0.6, 0.15  # [s] for an answer; [s] after which it is asked again
 _BOOT = 5.0  # [s] for a board that restarts when its port is opened
 _WRITE = 0.02  # [s] for the port to take a line
@@ -191,32 +162,15 @@ class BoardMember(Protocol):
 class SerialBoard:
     """Board with the sketch of ``assets/firmware``.
 
-    Opened by the first member that joins, closed by the last to leave.
-
-    Parameters
-    ----------
-    port : str
-        Device, such as ``/dev/serial/by-id/usb-...``.
-    baud : int
-        Baud rate of the sketch.
-    clock : Clock
-        Paces the sign of life, and dates what arrives.
-
-    Attributes
-    ----------
-    broken : str or None
-        Reason why nothing gets through; None while all is well.
-    identity : BoardIdentity or None
-        Identity of the board, once it has answered.
-    damaged : int
-        Number of lines from the board that were damaged.
+    Opened by the first member that joins, closed by the last to leave. ``port`` is such as
+    ``/dev/serial/by-id/usb-...``; ``clock`` paces the sign of life, and dates what arrives.
     """
 
     def __init__(self, port: str, baud: int, clock: Clock) -> None:
         self.port, self._baud, self._clock = port, baud, clock
-        self.broken: str | None = None
-        self.identity: BoardIdentity | None = None
-        self.damaged = 0
+        self.broken: str | None = None  # reason why nothing gets through; None while all is well
+        self.identity: BoardIdentity | None = None  # identity of the board, once it has answered
+        self.damaged = 0  # number of lines from the board that were damaged
         self.last_damaged = ""
         self._members: list[BoardMember] = []
         self._joining, self._sending = threading.Lock(), threading.Lock()
@@ -229,12 +183,8 @@ class SerialBoard:
     def join(self, member: BoardMember) -> BoardIdentity:
         """Add a member.
 
-        The first opens the port and asks who answers. Returns the board's identity.
-
-        Raises
-        ------
-        RigError
-            If the port is missing, is used by another program, or no board of this protocol answers.
+        The first opens the port and asks who answers. Returns the board's identity. Raise RigError if the port is
+        missing, is used by another program, or no board of this protocol answers.
         """
         with self._joining:
             self._members.append(member)
@@ -260,10 +210,7 @@ class SerialBoard:
     def send(self, text: str) -> None:
         """Put a line on the port, from any thread, without waiting.
 
-        Raises
-        ------
-        RigError
-            If the port does not take it, which breaks the line, or it is not open.
+        Raise RigError if the port does not take it, which breaks the line, or it is not open.
         """
         line = self._line
         if line is None:
@@ -278,13 +225,7 @@ class SerialBoard:
             self._sending.release()
 
     def ask(self, text: str, kind: type[Any], limit: float = _ANSWER) -> Any:
-        """Send a line and return the answer of that kind.
-
-        Raises
-        ------
-        RigError
-            If none comes in time.
-        """
+        """Send a line and return the answer of that kind; raise RigError if none comes in time."""
         with self._changed:
             self._answers.pop(kind, None)
         ends = self._clock.now() + limit

@@ -30,8 +30,7 @@ from cutenv.rig.devices.serial.board import (
 from cutenv.rig.devices.serial.ports import is_pseudo_terminal
 from cutenv.rig.errors import RigError
 
-FASTEST_STEPS = 20_000
-"""Steps a second that the sketch takes at most; that of an 8-bit board may make fewer."""
+FASTEST_STEPS = 20_000  # steps a second that the sketch takes at most; that of an 8-bit board may make fewer
 _LEAST_ACCELERATION = 1000  # [steps/s2] of the sketch, which counts in milliseconds
 
 
@@ -58,15 +57,7 @@ class StepperOptions:
 
 
 class StepRates:
-    """Conversion between metres and steps.
-
-    Parameters
-    ----------
-    axis : Axis
-        Lead and direction.
-    steps : int
-        Steps for one turn of the screw.
-    """
+    """Conversion between metres and steps. ``steps`` are those for one turn of the screw."""
 
     def __init__(self, axis: Axis, steps: int) -> None:
         self.per_metre = axis.direction * steps / axis.lead
@@ -113,10 +104,8 @@ def check_stepper(rig: RigSettings, role: str) -> None:
 
 
 _BOARD_CLOCK = 0.02  # [1] relative error of a board's clock, a ceramic resonator at worst
-LATE_REPORT = 0.050
-"""Delay of the board's reports beyond the least one, at which the line is too late for a stop [s]."""
-BOARD_PERIOD = 0.010
-"""Period at which the board reports its position [s]; that of the sketch."""
+LATE_REPORT = 0.050  # delay of the board's reports beyond the least one, at which the line is too late for a stop [s]
+BOARD_PERIOD = 0.010  # period at which the board reports its position [s]; that of the sketch
 
 
 def on_pseudo_terminal(rig: RigSettings, role: str) -> bool:
@@ -148,12 +137,8 @@ class StepperAxis(AxisDriver):
     """Stepper by step and direction, on a board with assets/firmware.
 
     Its position counts from where a person has set zero since the board has power: ``cutenv rig zero``. The board never
-    leaves a quick stop by a command of speed, so that ``for_good`` changes nothing.
-
-    Parameters
-    ----------
-    mounting : Mounting
-        Place on the rig; the board is shared with a load cell at the same port.
+    leaves a quick stop by a command of speed, so that ``for_good`` changes nothing. The board is shared with a load
+    cell at the same port.
     """
 
     device, silence, report_limit = "board", "our sign of life ends", 0.3
@@ -193,13 +178,7 @@ class StepperAxis(AxisDriver):
         self._board.leave(self)
 
     def limits(self) -> dict[str, float]:
-        """Return "low", "high", "speed", "acceleration" and "quick_stop" read back.
-
-        Raises
-        ------
-        RigError
-            If it is not open, or does not answer.
-        """
+        """Return "low", "high", "speed", "acceleration" and "quick_stop" read back."""
         kept: StepperSetup = self._board.ask("P", StepperSetup)
         low, high = sorted(map(self._rates.metres, (kept.low, kept.high)))
         speed, acceleration, quick = (
@@ -229,13 +208,7 @@ class StepperAxis(AxisDriver):
         return bool(self._report.flags & BoardFlag.ZEROED)
 
     def set_zero(self) -> None:
-        """Take the present unpowered position, at the clamp, as zero.
-
-        Raises
-        ------
-        RigError
-            If the stepper has power, or the board does not answer.
-        """
+        """Take the present unpowered position, at the clamp, as zero."""
         self._board.send("Z")
         self._await(lambda: self.zeroed and self._report.steps == 0, "set its zero: has the stepper power?")
 
@@ -259,26 +232,14 @@ class StepperAxis(AxisDriver):
         self._board.send("Q")
 
     def disable(self) -> None:
-        """Switch off the power of an axis at rest.
-
-        Raises
-        ------
-        RigError
-            If it does not come to rest, or does not answer.
-        """
+        """Switch off the power at rest; raise RigError without rest or answer."""
         self._may_move = False
         self._rested()
         self._board.send("X")
         self._await(lambda: self._state is not DriveState.ENABLED, "switch its power off")
 
     def clear(self) -> None:
-        """Leave quick stop or fault for rest without power, within the latch's reset.
-
-        Raises
-        ------
-        RigError
-            If the cause is still there, or the board does not answer.
-        """
+        """Leave quick stop or fault for rest without power, within the latch's reset."""
         self._fresh()
         self._error = ""
         self._may_move = False
@@ -391,12 +352,8 @@ def _check(rig: RigSettings, role: str) -> None:
 class LoadCell(StreamedSensor):
     """Load cell on an HX711, ADS1220 or NAU7802, on a board with assets/firmware.
 
-    It measures the force along the cut alone; the other components read 0.
-
-    Parameters
-    ----------
-    mounting : Mounting
-        Place on the rig; the board is shared with a stepper at the same port.
+    It measures the force along the cut alone; the other components read 0. The board is shared with a stepper at the
+    same port.
     """
 
     name = "load cell"

@@ -1,7 +1,4 @@
-"""Serial ports of this computer.
-
-Opened for one program alone, and listed where one is missing.
-"""
+"""Serial ports of this computer. Opened for one program alone, and listed where one is missing."""
 
 from __future__ import annotations
 
@@ -17,24 +14,8 @@ from cutenv.rig.errors import RigError
 def open_port(port: str, baud: int, *, read_limit: float) -> Any:
     """Open a serial port for this program alone.
 
-    Parameters
-    ----------
-    port : str
-        Device, such as ``/dev/ttyACM0``.
-    baud : int
-        Baud rate.
-    read_limit : float
-        Time that a read waits [s].
-
-    Returns
-    -------
-    serial.Serial
-        The open port.
-
-    Raises
-    ------
-    RigError
-        If it is missing, may not be opened, or another program has it.
+    ``port`` is such as ``/dev/ttyACM0``; a read waits ``read_limit`` [s]. Raise RigError if it is missing, may not be
+    opened, or another program has it.
     """
     import serial
 
@@ -50,12 +31,7 @@ def write_line(line: Any, data: bytes, limit: float) -> None:
     """Write bytes to a port, waiting at most ``limit`` [s].
 
     Not by pyserial's own ``write``: with a time limit that takes a late computer for a full buffer, and without one it
-    waits for ever.
-
-    Raises
-    ------
-    OSError
-        If the port is gone, or its buffer stays full.
+    waits for ever. Raise OSError if the port is gone, or its buffer stays full.
     """
     number, ends = line.fileno(), time.monotonic() + limit
     while data:
