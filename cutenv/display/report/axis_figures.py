@@ -34,19 +34,7 @@ def draw_identification(
 ) -> None:
     """Write a figure of measured and modelled responses, above the errors.
 
-    Parameters
-    ----------
-    path : Path
-        Path of the picture; its suffix gives the format (.png).
-    steps, sines : sequence of Answer
-        Responses; times count from the first command.
-    title : str
-        Text above the picture.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not installed; the message gives the command that installs it.
+    Times count from the first command; the suffix gives the format.
     """
     figure = new_figure(*_SIZE)
     rows = figure.subplots(2, 2, sharex="col", height_ratios=(2.2, 1.0))
@@ -78,19 +66,7 @@ def _draw(above: Axes, below: Axes, answers: Sequence[StepResponse]) -> None:
 def draw_speed(path: Path, found: SpeedTracking, *, title: str = "") -> None:
     """Write a figure of desired and actual speed, difference and force.
 
-    Parameters
-    ----------
-    path : Path
-        Path of the picture; its suffix gives the format (.png).
-    found : SpeedTracking
-        Result of :func:`cutenv.records.measurement.speed_tracking`.
-    title : str
-        Text above the picture.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not installed; the message gives the command that installs it.
+    The suffix of the path gives the format.
     """
     figure = new_figure(*_SPEED_SIZE)
     speeds, off, force = figure.subplots(3, 1, sharex=True, height_ratios=(2.2, 1.0, 1.0))

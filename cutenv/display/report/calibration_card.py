@@ -136,19 +136,8 @@ _DISPLAYED = {"Pa": (1e-3, "kPa"), "Pa s/m": (1e-5, "kPa s/cm"), "m": (1e3, "mm"
 class ValidationCard:
     """Calibrated tissue, with the cuts from which it was calibrated.
 
-    Parameters
-    ----------
-    tissue : TissueDescription
-        Tissue with its ``calibration``.
-    model : CutModel
-        Finite-element model that the moduli belong to.
-    cuts : sequence of MeasuredCut
-        Cuts from :func:`~cutenv.records.measurement.measure_cuts`.
-
-    Raises
-    ------
-    ValueError
-        If the tissue was not calibrated from records.
+    The cuts are those of :func:`~cutenv.records.measurement.measure_cuts`. Raises ValueError if the tissue was not
+    calibrated from records.
     """
 
     tissue: TissueDescription
@@ -236,22 +225,7 @@ class ValidationCard:
 def write_validation_card(path: Path, card: ValidationCard) -> Path:
     """Write the card as one self-contained page, and as JSON.
 
-    Parameters
-    ----------
-    path : Path
-        Path of the page (.html), in a folder that exists.
-    card : ValidationCard
-        Card to write.
-
-    Returns
-    -------
-    Path
-        Path of the JSON: the page's with the suffix ``.json``.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not installed; the message gives the command that installs it.
+    Return the path of the JSON, the page's with the suffix ``.json``.
     """
     write_page(
         path,

@@ -24,14 +24,7 @@ _FORCE_ROWS, _WAY_ROWS = 9, 4
 def record_lines(picture: RecordPicture, width: int, *, braille: bool = True) -> list[str]:
     """Return the lines of a picture of a whole record.
 
-    Parameters
-    ----------
-    picture : RecordPicture
-        The record, with the cuts that were found in it.
-    width : int
-        Width of the terminal [characters], 40 or more.
-    braille : bool
-        False for a terminal that shows ASCII alone.
+    The width is that of the terminal [characters], 40 or more; without ``braille`` it shows ASCII alone.
     """
     record = picture.record
     columns = max(20, width - _LABEL - 1)
@@ -93,29 +86,15 @@ def _marks(time: Array, cuts: Sequence[slice], columns: int) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class UnderstoodFile:
-    """File as it was understood.
-
-    Attributes
-    ----------
-    name : str
-        Name of the file.
-    pictures : sequence of RecordPicture
-        Its records.
-    mapping : str
-        Options of the command line that read it so; "" for a record of this package.
-    questions, left_out, notes : sequence of str
-        What it leaves open, which rows are in no record, and how it was read.
-    reason : str
-        Reason for which it is not read, "" if it is.
-    """
+    """File as it was understood."""
 
     name: str
     pictures: Sequence[RecordPicture] = ()
-    mapping: str = ""
+    mapping: str = ""  # options of the command line; "" for a record of this package
     questions: Sequence[str] = ()
     left_out: Sequence[str] = ()
     notes: Sequence[str] = ()
-    reason: str = ""
+    reason: str = ""  # for which it is not read, "" if it is
 
     @property
     def unit(self) -> str:

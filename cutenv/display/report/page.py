@@ -57,22 +57,7 @@ class EmbeddedFigure(NamedTuple):
 def write_page(path: Path, template: str | Path, *, language: str = "en", **values: Any) -> None:
     """Write a page atomically, from a template.
 
-    Parameters
-    ----------
-    path : Path
-        Path of the page (.html), in a folder that exists.
-    template : str or Path
-        Template that extends ``page.html``: the name of one beside it, or the path of another.
-    language : str
-        Language of the page.
-    values : object
-        Values by the names that the template has for them.
-
-    Raises
-    ------
-    ImportError
-        If Jinja2 or, for a page with figures, matplotlib is not installed; the message gives the command that
-        installs it.
+    The template extends ``page.html``: the name of one here, or the path of another.
     """
     translation = Translation(language)
 
@@ -159,18 +144,7 @@ _PARTS = (re.compile(r"(?<=;)\s+"), re.compile(r"(?<=,)\s+"))
 
 
 class Translation:
-    """Translation of English pages.
-
-    Parameters
-    ----------
-    language : str
-        Language of the result.
-
-    Attributes
-    ----------
-    left : list of str
-        Texts that no phrase fitted.
-    """
+    """Translation of English pages."""
 
     def __init__(self, language: str) -> None:
         self.language = language
@@ -360,11 +334,6 @@ def new_figure(width: float, height: float) -> Figure:
     """Return an empty figure of a size [in].
 
     Pages have figures of two widths, for a desktop screen and a phone.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not installed; the message gives the command that installs it.
     """
     try:
         from matplotlib.figure import Figure  # an extra, and slow to import

@@ -387,26 +387,8 @@ def write_pass_mark_page(
 ) -> tuple[Path, Path]:
     """Write a self-contained page, rows of people (CSV), numbers (JSON).
 
-    Parameters
-    ----------
-    path : Path
-        Path of the page (.html), in a folder that exists.
-    setting : StandardSetting
-        What to write.
-    progress : callable
-        Wrapper of the metrics that shows how far the drawing is.
-    language : str
-        Language of the page.
-
-    Returns
-    -------
-    pair of Path
-        Paths of the CSV and of the JSON: the page's with their suffixes.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not installed; the message gives the command that installs it.
+    Return the paths of CSV and JSON, the page's with their suffixes; ``progress`` wraps the metrics, to show how far
+    the drawing is.
     """
     people, cuts = len(setting.operators), len(setting.cuts)
     write_page(

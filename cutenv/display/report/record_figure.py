@@ -70,14 +70,8 @@ def draw_pictures(path: Path, pictures: Mapping[str, NDArray[np.uint8]]) -> None
 def cut_figure(cut: CutPicture, *, width: float = _WIDE, others: Sequence[CutPicture] = ()) -> Figure:
     """Draw one cut above its force trace, speed and angle.
 
-    Parameters
-    ----------
-    cut : CutPicture
-        The cut.
-    width : float
-        Width [in]; a figure for a phone has its legend in fewer columns.
-    others : sequence of CutPicture
-        Cuts to compare with: the axes cover them too, so that all have the same scales.
+    The axes cover ``others``, too, so that all have the same scales; a figure for a phone, by its width [in], has its
+    legend in fewer columns.
     """
     readings, depth = cut.readings, cut.depth
     phone = width < PHONE_WIDTH
@@ -101,14 +95,7 @@ def cut_figure(cut: CutPicture, *, width: float = _WIDE, others: Sequence[CutPic
 def floor_figure(shown: ShownDepth, tip: float, target_length: float, width: float) -> Figure:
     """Draw a cut from the side, with depth to its own scale.
 
-    Parameters
-    ----------
-    shown : ShownDepth
-        Depth of the cut at its end.
-    tip, target_length : float
-        Crack tip at the end, and target length [m].
-    width : float
-        Width [in].
+    The depth is that at the end, tip and target are lengths [m], the width is in inches.
     """
     figure = new_figure(width, 3.6)
     axes = figure.subplots()

@@ -47,16 +47,7 @@ _POINTS = 3000  # points of a line: more than a figure has pixels
 def score_figure(trace: Trace, card: ScoreCard, target_length: float | None, width: float) -> Figure:
     """Draw one cut with its card, against position or time.
 
-    Parameters
-    ----------
-    trace : Trace
-        Record of the cut.
-    card : ScoreCard
-        Score card of the cut.
-    target_length : float or None
-        Target length [m].
-    width : float
-        Width [in].
+    Target length in metres, width in inches.
     """
     along = trace.position is not None
     deep = along and card.depth_map is not None
@@ -223,24 +214,7 @@ class ScoredRecord:
 def write_score_page(path: Path, scored: ScoredRecord, *, language: str = "en") -> Path:
     """Write the page of one cut, and its card as JSON.
 
-    Parameters
-    ----------
-    path : Path
-        Path of the page (.html), in a folder that exists.
-    scored : ScoredRecord
-        Record and card to write.
-    language : str
-        Language of the page; the JSON is English.
-
-    Returns
-    -------
-    Path
-        Path of the JSON: the page's with the suffix ``.json``.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not installed; the message gives the command that installs it.
+    Return the path of the JSON, in English, the page's with the suffix ``.json``.
     """
     card, trace = scored.card, scored.trace
     kind = "open" if card.overall_score is None else ("good" if card.overall_score >= 50.0 else "bad")
@@ -271,11 +245,8 @@ def write_summary(
 ) -> tuple[Path, Path]:
     """Write ``scores.csv`` and ``summary.html`` of several cuts into a folder.
 
-    Each cut comes with its page's name. The page is in a language, the table in English.
-
-    Returns
-    -------
-    table, page : Path
+    Each cut comes with its page's name. The page is in a language, the table in English. Return the paths of table and
+    page.
     """
     valued = {name for r, _ in records for name, scored in r.card.metrics.items() if scored.value is not None}
     columns = [name for name in all_metrics() if name in valued]

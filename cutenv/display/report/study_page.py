@@ -482,26 +482,8 @@ def write_study(
 ) -> Path:
     """Write a study as one self-contained page, its cards as CSV.
 
-    Parameters
-    ----------
-    path : Path
-        Path of the page (.html), in a folder that exists.
-    study : Study
-        Study to write.
-    progress : callable
-        Wrapper of the metrics that shows how far the drawing is.
-    language : str
-        Language of the page.
-
-    Returns
-    -------
-    Path
-        Path of the CSV: the page's with the suffix ``.csv``; the unit is in the name of each column that has one.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not installed; the message gives the command that installs it.
+    Return the path of the CSV, whose columns name their units; ``progress`` wraps the metrics, to show how far the
+    drawing is.
     """
     cuts, people = count(len(study.cuts), "cut"), count(len(study.operators), study.who)
     groups = _groups(study)

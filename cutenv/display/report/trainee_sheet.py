@@ -30,28 +30,7 @@ def write_trainee_sheet(
 ) -> Path:
     """Write a person's sheet: history, learning curve, what to try next.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder, which exists; the page is called after the person's code.
-    study : Study
-        The study.
-    operator : str
-        Code of the person.
-    mark : float, optional
-        Pass mark of the overall score.
-    language : str
-        Language of the page.
-
-    Returns
-    -------
-    Path
-        Path of the page.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not installed; the message gives the command that installs it.
+    Return its path: it is called after the person's code.
     """
     own = [cut for cut in study.cuts if cut.operator == operator]
     cards = [cut.card for cut in own]
@@ -90,11 +69,7 @@ def write_class_list(
 ) -> tuple[Path, Path]:
     """Write the class list as ``class.html`` and ``class.csv`` into a folder.
 
-    The CSV is in English.
-
-    Returns
-    -------
-    page, table : Path
+    The CSV is in English. Return the paths of page and table.
     """
     rows = [_row(study, operator, mark) for operator in study.operators]
     page, table = folder / "class.html", folder / "class.csv"

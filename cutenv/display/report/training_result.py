@@ -426,14 +426,7 @@ def returns_figure(bars: Sequence[Bar], width: float, quantity: str = "return") 
 def costs_figure(terms: Sequence[str], policies: Sequence[Sequence[Bar]], width: float) -> Figure:
     """Draw costs as bars, grouped by term.
 
-    Parameters
-    ----------
-    terms : sequence of str
-        Terms in the reader's words, from above.
-    policies : sequence of sequence of Bar
-        Costs of each policy, one for each term.
-    width : float
-        Width [in].
+    The terms are in the reader's words, from above, and each policy has a cost for each; width in inches.
     """
     phone = width < PHONE_WIDTH
     figure = new_figure(width, 1.0 + len(terms) * (0.12 + 0.14 * len(policies)) + (0.2 * len(policies) * phone))

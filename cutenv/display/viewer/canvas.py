@@ -22,13 +22,7 @@ _FINER = 3  # [1] factor by which areas and letters are drawn larger before they
 
 
 def import_pygame() -> ModuleType:
-    """Return pygame.
-
-    Raises
-    ------
-    ImportError
-        If pygame is not installed; the message gives the command that installs it.
-    """
+    """Return pygame."""
     try:
         import pygame
     except ImportError as error:
@@ -39,12 +33,7 @@ def import_pygame() -> ModuleType:
 class Canvas:
     """Picture in memory; needs no display.
 
-    Parameters
-    ----------
-    width, height : int
-        Size [px].
-    background : tuple of int
-        Red, green, blue, 0 to 255.
+    Sizes in px; colours are red, green, blue, 0 to 255.
     """
 
     def __init__(self, width: int, height: int, background: Colour) -> None:

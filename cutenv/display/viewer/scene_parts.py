@@ -54,20 +54,8 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
 class SceneFormula:
     """Formula of numbers, names, the four operations, and some functions.
 
-    Parameters
-    ----------
-    text : str
-        As in Python: ``"blade - depth / tan(angle)"``.
-
-    Attributes
-    ----------
-    tree : Tree
-        The formula as JSON can hold it.
-
-    Raises
-    ------
-    ValueError
-        If the text holds anything else.
+    The text is as in Python, ``"blade - depth / tan(angle)"``; ``tree`` is the formula as JSON can hold it. Raises
+    ValueError if the text holds anything else.
     """
 
     def __init__(self, text: str) -> None:
@@ -192,52 +180,24 @@ OPENED_ASIDE = SceneFormula(f"{_AWAY} * {_AWAY}")
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ScenePart:
-    """Area, line, mark or label of the scene.
-
-    Attributes
-    ----------
-    name : str
-    view : {"above", "side", "chart"}
-    own : tuple of str
-        Names of a point's own numbers.
-    rows : tuple
-        Those numbers, point by point.
-    place : tuple of str
-        Two formulas of quantities and own numbers.
-    carried : bool
-        True for places in the tissue at rest, of a point's own ``side`` (-1, 1), that are drawn where the tissue is.
-    fill, line : str
-        Roles of the colours of an area, and of a line or an area's edge; empty for none. "tint" is the blade's.
-    width, dash : float
-        Of a line [px].
-    opacity : float
-    mark : tuple
-        Outline around each place [px], which then is a mark of constant size.
-    words, align : str
-        Key of the label at the place, and what of the label is there: "center" (its foot) or "left" (its middle).
-    shown : {"", "truth", "hand", "force", "depth", "layer"}
-        Condition: hidden truth is shown, a person's hand leads, the force is shown, a depth is wanted, the layer below
-        is shown.
-    standing : bool
-        True if it stays during a cut.
-    """
+    """Area, line, mark or label of the scene."""
 
     name: str
-    view: str
-    own: tuple[str, ...] = ()
-    rows: PointRows = ((),)
-    place: tuple[str, str]
-    carried: bool = False
-    fill: str = ""
-    line: str = ""
-    width: float = 1.0
-    dash: float = 0.0
+    view: str  # "above", "side" or "chart"
+    own: tuple[str, ...] = ()  # names of a point's own numbers
+    rows: PointRows = ((),)  # those numbers, point by point
+    place: tuple[str, str]  # formulas of quantities and own numbers
+    carried: bool = False  # from tissue at rest, of a point's own side (-1, 1), to where the tissue is
+    fill: str = ""  # role of an area's colour, "" for none; "tint" is the blade's
+    line: str = ""  # role of the colour of a line, or of an area's edge
+    width: float = 1.0  # [px]
+    dash: float = 0.0  # [px]
     opacity: float = 1.0
-    mark: PointRows = ()
-    words: str = ""
-    align: str = "center"
-    shown: str = ""
-    standing: bool = False
+    mark: PointRows = ()  # outline around each place [px], of constant size
+    words: str = ""  # key of the label at the place
+    align: str = "center"  # of the label, at the place: its foot, or "left", its middle
+    shown: str = ""  # condition: "truth", "hand", "force", "depth" (is wanted) or "layer" (below)
+    standing: bool = False  # stays during a cut
 
     @property
     def formulas(self) -> tuple[SceneFormula, SceneFormula]:

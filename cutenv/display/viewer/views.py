@@ -42,23 +42,12 @@ _TINT = [(role, SceneFormula(text)) for role, text in TINT]
 
 
 class Sheet(NamedTuple):
-    """Canvas with the moment to be drawn on it.
-
-    Attributes
-    ----------
-    canvas, layout : Canvas, Layout
-    quantities : dict
-        Those of the moment.
-    shown : collection of str
-        Conditions that hold: "truth", "hand", "force", "layer", and those of the moment.
-    blade : tuple of int
-        Colour of the blade.
-    """
+    """Canvas with the moment to be drawn on it."""
 
     canvas: Canvas
     layout: Layout
-    quantities: dict[str, Any]
-    shown: Collection[str] = ()
+    quantities: dict[str, Any]  # those of the moment
+    shown: Collection[str] = ()  # conditions that hold: "truth", "hand", "force", "layer", and the moment's
     blade: Colour = palette.STEEL
 
 
@@ -130,16 +119,8 @@ def draw_from_the_side(sheet: Sheet, box: tuple[float, float]) -> None:
 def draw_parts(sheet: Sheet, view: str, *, standing: bool = False, tissue: tuple[Slab, Points] | None = None) -> None:
     """Draw the parts of a view.
 
-    Either those that stay during a cut or the others.
-
-    Parameters
-    ----------
-    sheet : Sheet
-    view : {"above", "side", "chart"}
-    standing : bool
-        True for the parts that stay.
-    tissue : tuple, optional
-        Slab and displacement of its lattice, for parts that it carries.
+    Either those that stay during a cut or the others. ``tissue`` is the slab and the displacement of its lattice, for
+    parts that it carries.
     """
     canvas, layout, quantities = sheet.canvas, sheet.layout, sheet.quantities
     if view == "chart":
@@ -251,16 +232,9 @@ def draw_plan(
 ) -> None:
     """Draw the view.
 
-    Parameters
-    ----------
-    sheet : Sheet
-    shown : ShownPath
-    slab : Slab
-    truth : bool
-        True: the tissue is at rest, and the hidden tip is marked. False: the tissue gives way to the blade, as a person
-        sees it, so that the cut reaches the blade; how far around it is an illustration.
-    hand : tuple of float, optional
-        Place of the hand that leads, along and across [m].
+    With ``truth`` the tissue is at rest, and the hidden tip is marked; else the tissue gives way to the blade, as a
+    person sees it, so that the cut reaches the blade; how far around it is an illustration. ``hand`` is the place of
+    the hand that leads, along and across [m].
     """
     canvas, layout, width, length = sheet.canvas, sheet.layout, slab.model.width, slab.model.length
     corners = np.array([[0.0, 0.5], [1.0, 0.5], [1.0, -0.5], [0.0, -0.5]]) * (length, width)

@@ -110,34 +110,11 @@ def page_alone(
 ) -> str:
     """Return a page that cuts, shows numbers and saves records.
 
-    Parameters
-    ----------
-    tasks : sequence of str
-        Tasks to offer, of :data:`cutenv.task.registry.TASKS`.
-    lines : sequence of str
-        Kinds of lines of a task along one, which its specimens have in turn.
-    specimen_classes : sequence of str
-        Classes of specimens to offer.
-    tissue : str or Path, optional
-        File of the tissue that all specimens are of; default: the measured pig liver.
-    count : int
-        Number of specimens of each task and class, episodes 0 to ``count`` - 1 of ``seed``.
-    seed : int
-        Seed of specimens, targets and noise.
-    language : str
-        Language until the reader chooses.
-    platform : mapping, optional
-        Given for a page in a learning platform's package: "mark" is the score to pass with, or None.
-    expert : str, optional
-        Whose way in the same specimen a replay shows, too: one of the :func:`~cutenv.agents.policy.experts` of every
-        task; seconds of work for each specimen.
-
-    Raises
-    ------
-    ValueError
-        If an argument is out of range.
-    ModuleNotFoundError
-        If Jinja2 is not installed.
+    It offers ``count`` specimens of each task and class, episodes 0 to ``count`` - 1 of ``seed``; lines are those of a
+    task along one, which its specimens have in turn. A ``tissue`` is a file, by default the measured pig liver. A
+    ``platform`` is given for a page in a learning platform's package: "mark" is the score to pass with, or None. With
+    ``expert``, one of the :func:`~cutenv.agents.policy.experts` of every task, a replay shows its way in the same
+    specimen, too: seconds of work for each.
     """
     for each in tasks:
         one_of("task", each, tasks_with("hand"))

@@ -115,19 +115,10 @@ def follow_hand(led: LedTask) -> Callable[..., int]:
     ) -> int:
         """Advance one cut a millisecond per stylus row; return their number.
 
-        Parameters
-        ----------
-        one : OneCut
-            The cut, changed in place.
-        stylus : array, shape (n, k)
-            Wanted position of the hand [m], angle of the blade [rad], level above ``start`` or place across [m].
-        hand : LeadingHand
-            Constants of the hand.
-        memory : tuple of array, shape (1, k), (1, components) float32, (1,)
-            Memory of the calls: action, observation, force across the cut.
-        filled : tuple of Records and arrays, shape (n, 1), (m, n), (2,)
-            :data:`~cutenv.sim.cutting.dtypes.READING`, and further channels of a record, filled up to the end.
-            Outcome: index of the end in :attr:`~cutenv.task.declare.Task.ends`, 0 before it; 1 for a success.
+        A row of ``stylus`` is the wanted position of the hand [m], angle of the blade [rad], level above ``start`` or
+        place across [m]. The memory is that of the calls: action, observation, force across the cut. Filled up to the
+        end are readings, further channels of a record, and the outcome: index of the end in
+        :attr:`~cutenv.task.declare.Task.ends`, 0 before it; 1 for a success.
         """
         actions, observations, across = memory
         readings, channels, outcome = filled
@@ -347,14 +338,8 @@ class HandDepthCut(HandCut):
 class HandPathCut(HandCut):
     """Cut by a person's hand along a drawn line.
 
-    Its third number is the place across, to the left [m].
-
-    Parameters
-    ----------
-    line : str
-        Kind of line, as of :class:`~cutenv.envs.path_cut.PathCutEnv`.
-    **keywords
-        Those of :class:`HandCut`.
+    Its third number is the place across, to the left [m]. The line is a kind, as of
+    :class:`~cutenv.envs.path_cut.PathCutEnv`.
     """
 
     environment = PathCutEnv

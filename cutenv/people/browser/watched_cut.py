@@ -42,10 +42,7 @@ def in_runs(movements: Array) -> list[list[float]]:
 def from_runs(runs: Sequence[Sequence[float]]) -> Array:
     """Return the movements, shape (n, k), that :func:`in_runs` has packed.
 
-    Raises
-    ------
-    ValueError
-        If these are no runs.
+    Raises ValueError if these are no runs.
     """
     table = np.array(runs, np.float64)
     if table.ndim != 2 or table.shape[1] < 3 or not np.isfinite(table).all() or not (table[:, 0] >= 1.0).all():
@@ -56,12 +53,7 @@ def from_runs(runs: Sequence[Sequence[float]]) -> Array:
 def way_of(readings: StructArray, further: Mapping[str, Array]) -> dict[str, list[float]]:
     """Return a cut's times, places and forces, thinned to 50 Hz [SI].
 
-    Parameters
-    ----------
-    readings : records, shape (n,)
-        Readings of every millisecond.
-    further : mapping of str to array, shape (n,)
-        Height of the blade, or its places, by field of a trace; others are left out.
+    Of ``further``, height of the blade or its places are taken, by field of a trace.
     """
     time = readings["time"]
     moments = np.unique(np.append(np.searchsorted(time, np.arange(time[0], time[-1], _STEP)), len(time) - 1))

@@ -110,15 +110,7 @@ class Analysis:
 
 
 class Analyses:
-    """Analyses of one class, kept until the server ends.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder of their pages, one below it for each; made when it is needed.
-    records : Path
-        Folder of the class's records.
-    """
+    """Analyses of one class, kept until the server ends."""
 
     def __init__(self, folder: Path, records: Path) -> None:
         self._folder, self._records = folder.resolve(), records.resolve()
@@ -141,16 +133,7 @@ class Analyses:
     def start(self, kind: str, title: str, rows: Sequence[StudiedRecord], options: Sequence[str] = ()) -> Analysis:
         """Begin an analysis, or line it up behind the present one.
 
-        Parameters
-        ----------
-        kind : {"study", "pass-mark"}
-            The command.
-        title : str
-            Title of its pages.
-        rows : sequence of StudiedRecord
-            The records, each person's in the order in which they were made.
-        options : sequence of str
-            Further options of the command.
+        Rows are in the order in which each person's records were made.
         """
         self._sweep()
         made = Analysis(

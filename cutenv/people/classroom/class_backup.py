@@ -44,12 +44,8 @@ def write_backup(store: ClassStore, records: Path, path: Path) -> int:
 def restore_backup(store: ClassStore, records: Path, path: Path) -> int:
     """Restore an empty class from a backup; return the number of records.
 
-    Raises
-    ------
-    ValueError
-        If the file is no backup, or the class is not empty; nothing is written then.
-    FileNotFoundError
-        If there is no such file.
+    Raises ValueError if the file is no backup, or the class is not empty; nothing is written then. Raises
+    FileNotFoundError if there is no such file.
     """
     try:
         with zipfile.ZipFile(path) as archive:

@@ -24,19 +24,8 @@ Scores = Sequence[int | None]
 def score_curve(people: Sequence[Scores], *, mark: float | None = None, label: str = "") -> str:
     """Return an SVG of one person's scores, or several with mean.
 
-    Parameters
-    ----------
-    people : sequence of sequence of int or None
-        Scores of each person's cuts; of one person every cut is a point.
-    mark : float, optional
-        Pass mark, a dashed line.
-    label : str
-        Description for a screen reader, without characters that mean something in XML.
-
-    Returns
-    -------
-    str
-        The drawing; "" if nobody has a score.
+    Of one person every cut is a point; the mark is a dashed line. The label, for a screen reader, has no characters
+    that mean something in XML. It is "" if nobody has a score.
     """
     longest = max((len(scores) for scores in people), default=0)
     if not any(score is not None for scores in people for score in scores):
@@ -162,16 +151,7 @@ def live_list(
 ) -> list[dict[str, Any]]:
     """Return what everybody does now, a row each.
 
-    Parameters
-    ----------
-    lesson : Lesson
-        The class at work.
-    language : str
-        Language of what comes next in a course.
-    by : str
-        One of :data:`LIVE_ORDERS`; "doing" puts those first who may need help.
-    class_name : str, optional
-        Class to show; all by default.
+    It is sorted by one of :data:`LIVE_ORDERS`; "doing" puts those first who may need help.
     """
     places, present = lesson.store.places(), lesson.store.present()
     rows = []

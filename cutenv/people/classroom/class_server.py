@@ -52,13 +52,7 @@ _TAKEN = (errno.EACCES, errno.EAGAIN, errno.EDEADLK)  # others: a disk without l
 
 
 class PeoplePages:
-    """Pages and answers for people who cut.
-
-    Parameters
-    ----------
-    site : ClassSite
-        Site of the class.
-    """
+    """Pages and answers for people who cut."""
 
     def __init__(self, site: ClassSite) -> None:
         self._site, self._lesson = site, site.lesson
@@ -202,14 +196,8 @@ class PeoplePages:
 def class_app(site: ClassSite, *, live: LiveRig | None = None, ticket: str | None = None) -> Starlette:
     """Return the ASGI application of a class.
 
-    Parameters
-    ----------
-    site : ClassSite
-        Site of the class.
-    live : LiveRig, optional
-        Rig that the teacher may watch.
-    ticket : str, optional
-        Secret that signs the teacher in once, by the address ``teacher/open/TICKET``, within the first minute.
+    The ticket is a secret that signs the teacher in once, by the address ``teacher/open/TICKET``, within the first
+    minute.
     """
     teacher = TeacherPages(site, ticket=ticket, live=live)
 
@@ -256,17 +244,7 @@ def new_token() -> str:
 class FolderClaim:
     """Lock on a folder that names its server to the next one.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder of a class.
-    address : str
-        Address of the server.
-
-    Attributes
-    ----------
-    other : str
-        Address of a server in another process that has the folder already; empty if there is none.
+    ``other`` is the address of a server in another process that has the folder already, else "".
     """
 
     def __init__(self, folder: Path, address: str) -> None:

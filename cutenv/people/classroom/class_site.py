@@ -59,16 +59,8 @@ _HEADERS = {
 class Trials:
     """Rate limiter that counts failed trials by address.
 
-    Parameters
-    ----------
-    fewest : int
-        Failures in a period that any address has.
-    each : int
-        Further ones for each code there is: a whole class may stand behind one address, and type.
-    period : float
-        Period [s].
-    clock : callable
-        Returns the time [s].
+    An address has ``fewest`` failures in a period [s], and ``each`` further ones for each code there is: a whole class
+    may stand behind one address, and type.
     """
 
     def __init__(
@@ -102,13 +94,8 @@ class Trials:
 class Guard:
     """ASGI middleware that limits sizes, refuses cross-site requests and sets headers.
 
-    Parameters
-    ----------
-    app : ASGI application
-        The class's.
-    hosts : collection of str, optional
-        Names of the server in lower case, beside which only an address in digits is answered to; None for any.  A page
-        whose own name leads to this machine could read the class otherwise.
+    Besides ``hosts``, names of the server in lower case, only an address in digits is answered to; with None any name.
+    A page whose own name leads to this machine could read the class otherwise.
     """
 
     def __init__(self, app: ASGIApp, hosts: Collection[str] | None = None) -> None:
@@ -176,35 +163,15 @@ def _page_data(tasks: tuple[str, ...], tissue: str | Path | None, _languages: tu
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ClassSite:
-    """Site of a class.
-
-    Attributes
-    ----------
-    lesson : Lesson
-        The class at work.
-    secret : str
-        Token with which the teacher signs in.
-    title : str
-        Name of the class on its pages.
-    language : str
-        Language until the reader chooses.
-    secure : bool
-        True if it is served over TLS: cookies are never sent without.
-    courier : Courier, optional
-        Who delivers statements of cuts to a learning record store; whoever enters is told, and agrees.
-    hosts : collection of str, optional
-        Names by which it is reached, see :class:`Guard`.
-    lti : LtiTool, optional
-        Learning platforms that it is registered with.
-    """
+    """Site of a class."""
 
     lesson: Lesson
-    secret: str
+    secret: str  # token with which the teacher signs in
     title: str = "cutenv"
-    language: str = "en"
-    secure: bool = False
-    courier: Courier | None = None
-    hosts: Collection[str] | None = None
+    language: str = "en"  # until the reader chooses
+    secure: bool = False  # served over TLS: cookies are never sent without
+    courier: Courier | None = None  # of statements to a record store; whoever enters is told, and agrees
+    hosts: Collection[str] | None = None  # names by which it is reached, see Guard
     lti: LtiTool | None = None
 
     @cached_property

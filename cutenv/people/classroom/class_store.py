@@ -132,37 +132,17 @@ class SeenMovements(ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class CutEnd:
-    """End of a cut.
+    """End of a cut."""
 
-    Attributes
-    ----------
-    state : str
-        :data:`SAVED` or :data:`FOREIGN` with the name of its record, :data:`REFUSED` or :data:`TAKEN_BACK`.
-    record, outcome : str
-        Name of the record, and outcome in a few words.
-    score : float, optional
-        Overall score.
-    reason : str
-        Reason for which it was refused, or has no score.
-    ended : str
-        How the task ended, such as "finished".
-    numbers : mapping of str to float
-        Numbers that a mark may limit.
-    movements : str, optional
-        SHA-256 of the movements.
-    stalled : float
-        Time lost by the page [s].
-    """
-
-    state: str
+    state: str  # SAVED or FOREIGN with its record, REFUSED or TAKEN_BACK
     record: str = ""
     outcome: str = ""
     score: float | None = None
-    reason: str = ""
-    ended: str = ""
-    numbers: Mapping[str, float] = field(default_factory=dict)
-    movements: str | None = None
-    stalled: float = 0.0
+    reason: str = ""  # for which it was refused, or has no score
+    ended: str = ""  # how the task ended, such as "finished"
+    numbers: Mapping[str, float] = field(default_factory=dict)  # those that a mark may limit
+    movements: str | None = None  # SHA-256
+    stalled: float = 0.0  # [s] lost by the page
 
     @property
     def columns(self) -> dict[str, Any]:

@@ -42,13 +42,7 @@ _WHOLE, _NUMBER = re.compile(r"[+-]?\d{1,12}"), re.compile(r"[+-]?\d{1,12}([.,]\
 
 
 class CoursePages:
-    """Pages and answers for the course.
-
-    Parameters
-    ----------
-    site : ClassSite
-        Site of the class.
-    """
+    """Pages and answers for the course."""
 
     def __init__(self, site: ClassSite) -> None:
         self._site, self._lesson = site, site.lesson

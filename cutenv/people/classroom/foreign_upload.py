@@ -80,10 +80,8 @@ class Upload:
     def read(self, form: Mapping[str, str]) -> tuple[list[ReadCut], list[str], list[RecordPicture]]:
         """Read the files by a form of columns; return cuts, notes, pictures.
 
-        Raises
-        ------
-        ValueError
-            If the form names no columns of the files, or a file cannot be read: names it, place, reason and cure.
+        Raises ValueError if the form names no columns of the files, or a file cannot be read; it names file, place,
+        reason and cure.
         """
         mapping = picked_map(form) if self.columns else None
         cuts: list[ReadCut] = []
@@ -104,10 +102,7 @@ class Upload:
 def picked_map(form: Mapping[str, str]) -> ColumnMap:
     """Return the mapping of a form's fields such as ``force`` and ``force_unit``.
 
-    Raises
-    ------
-    ValueError
-        If it is no mapping.
+    Raises ValueError if it is no mapping.
     """
     given: dict[str, str] = {}
     for field in PICKED:
@@ -158,10 +153,8 @@ class Uploads:
     def add(self, files: Sequence[tuple[str, bytes]]) -> Upload:
         """Stage files, each a name to show and its content.
 
-        Raises
-        ------
-        ValueError
-            If there are none or too many, or one is no text with a table of numbers; nothing is kept then.
+        Raises ValueError if there are none or too many, or one is no text with a table of numbers; nothing is kept
+        then.
         """
         if not 1 <= len(files) <= _MOST_FILES:
             raise ValueError(f"{len(files)} files cannot be taken at once. Give 1 to {_MOST_FILES}.")

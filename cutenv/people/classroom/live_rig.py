@@ -35,24 +35,9 @@ _SCRIPT = Path(__file__).parent / "pages" / "rig.js"
 class LiveRig:
     """Receiver of what ``cutenv rig run --watch`` publishes on this machine.
 
-    It has no way to the rig: its socket only receives, and the rig never waits for it.
-
-    Parameters
-    ----------
-    port : int
-        Port on 127.0.0.1; 0 takes a free one.
-
-    Attributes
-    ----------
-    port : int
-        Its port.
-    ended : callable
-        Returns True once the server ends, so that its streams do too.
-
-    Raises
-    ------
-    ValueError
-        If the port is taken.
+    It has no way to the rig: its socket only receives, and the rig never waits for it. The port is on 127.0.0.1; 0
+    takes a free one. ``ended`` returns True once the server ends, so that its streams do too. Raises ValueError if the
+    port is taken.
     """
 
     def __init__(self, port: int) -> None:
@@ -117,16 +102,8 @@ def live_routes(
 ) -> list[Route]:
     """Return routes of the teacher's live page; none without a rig.
 
-    Readings go to the browser as server-sent events: by their protocol nothing can be sent back.
-
-    Parameters
-    ----------
-    live : LiveRig or None
-        The rig.
-    teacher : callable
-        Raises HTTPException if a request is not the teacher's.
-    page : callable
-        Returns a page from the name of its template and values.
+    Readings go to the browser as server-sent events: by their protocol nothing can be sent back. ``teacher`` raises
+    HTTPException if a request is not the teacher's; ``page`` makes a page of a template.
     """
     if live is None:
         return []

@@ -44,15 +44,7 @@ _LONGEST_TROUBLE = 600
 
 
 class LtiPages:
-    """Pages and answers for learning platforms.
-
-    Parameters
-    ----------
-    site : ClassSite
-        Site of the class.
-    tool : LtiTool
-        The class as a tool of the platforms.
-    """
+    """Pages and answers for learning platforms."""
 
     def __init__(self, site: ClassSite, tool: LtiTool) -> None:
         self._site, self._tool, self._lesson = site, tool, site.lesson

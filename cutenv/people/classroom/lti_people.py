@@ -54,13 +54,7 @@ class GradeRow(NamedTuple):
 
 
 class LtiPeople:
-    """People of learning platforms, and the places of their grades.
-
-    Parameters
-    ----------
-    store : ClassStore
-        Database of the class.
-    """
+    """People of learning platforms, and the places of their grades."""
 
     def __init__(self, store: ClassStore) -> None:
         self._store = store

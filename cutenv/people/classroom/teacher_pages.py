@@ -48,14 +48,7 @@ _TICKET_LASTS = 60.0  # [s]
 class TeacherPages:
     """Pages and answers for the teacher.
 
-    Parameters
-    ----------
-    site : ClassSite
-        Site of the class.
-    ticket : str, optional
-        Secret that signs the teacher in once, by the address ``teacher/open/TICKET``, within the first minute.
-    live : LiveRig, optional
-        Rig that the teacher may watch.
+    The ticket is that of :func:`~cutenv.people.classroom.class_server.class_app`.
     """
 
     def __init__(self, site: ClassSite, *, ticket: str | None = None, live: LiveRig | None = None) -> None:
@@ -264,13 +257,7 @@ _TYPES = {".html": "text/html", ".csv": "text/csv", ".json": "application/json"}
 
 
 class StudyPages:
-    """Pages and answers for studies and pass marks.
-
-    Parameters
-    ----------
-    site : ClassSite
-        Site of the class.
-    """
+    """Pages and answers for studies and pass marks."""
 
     def __init__(self, site: ClassSite) -> None:
         self._site, self._lesson = site, site.lesson
@@ -424,13 +411,7 @@ def _mark(form: FormData, words: Mapping[str, str]) -> float | None:
 
 
 class UploadPages:
-    """Pages and answers for records of other programs.
-
-    Parameters
-    ----------
-    site : ClassSite
-        Site of the class.
-    """
+    """Pages and answers for records of other programs."""
 
     def __init__(self, site: ClassSite) -> None:
         self._site, self._lesson = site, site.lesson

@@ -50,11 +50,6 @@ class StatementQueue:
     """Saved cuts of consenting people with undelivered statements.
 
     The cuts themselves are the queue: a cut that is saved waits, whatever happens to the server then.
-
-    Parameters
-    ----------
-    store : ClassStore
-        Database of the class.
     """
 
     def __init__(self, store: ClassStore) -> None:
@@ -107,23 +102,8 @@ _REFUSED_FOR_GOOD = (400, 413, 422)  # what another attempt would not change
 class Courier:
     """Thread that delivers statements of consenting people's saved cuts.
 
-    Parameters
-    ----------
-    lesson : Lesson
-        The class.
-    queue : StatementQueue
-        Cuts whose statements are to be delivered.
-    url : str
-        Address of the learning record store: statements go to ``url/statements``.
-    login : str
-        Its key and secret, "key:secret", for basic authentication.
-    home : str
-        Address of the class, below which its people and courses are named.
-
-    Raises
-    ------
-    ValueError
-        If the address is none, or the login has no colon.
+    Statements go to ``url/statements``; the login, "key:secret", is for basic authentication, and people and courses
+    are named below the class's address, ``home``. Raises ValueError if the address is none, or the login has no colon.
     """
 
     def __init__(self, lesson: Lesson, queue: StatementQueue, url: str, login: str, home: str) -> None:

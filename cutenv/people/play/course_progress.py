@@ -36,26 +36,10 @@ class CourseSpecimen(NamedTuple):
 class CourseProgress:
     """Progress of one person through a course.
 
-    It says which task is next, and whether marks were reached.
-
-    Parameters
-    ----------
-    course : Course
-        The course.
-    operator : str
-        Anonymous code of the person.
-    folder : Path, optional
-        Folder of the records, in which the person's cuts of this course are looked for; they are scored again, by the
-        marks that stand in the course now. Without one, the cuts so far are those that :meth:`count` is told.
-    clock : callable
-        Returns the present time, with its zone.
-
-    Attributes
-    ----------
-    unread : list of str
-        Files in the folder that cannot be read, with the reasons; they do not count.
-    verdicts : dict of str to str
-        What the last cut of this session reached, in words of each language; empty before the first.
+    It says which task is next, and whether marks were reached. The person's cuts of this course are looked for in the
+    folder of records, and scored again, by the marks that stand in the course now; without one, the cuts so far are
+    those that :meth:`count` is told. Files that cannot be read stand in ``unread`` with the reasons, and do not count;
+    ``verdicts`` say what the last cut of this session reached, in words of each language.
     """
 
     def __init__(
@@ -112,12 +96,7 @@ class CourseProgress:
     def specimen(self) -> CourseSpecimen:
         """Return the specimen of the next cut.
 
-        A task without seeds draws one at every call.
-
-        Raises
-        ------
-        ValueError
-            If the course is done.
+        A task without seeds draws one at every call. Raises ValueError if the course is done.
         """
         task = self.task
         if task is None:

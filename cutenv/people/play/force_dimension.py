@@ -31,10 +31,7 @@ class ForceDimensionLink:
     def open(self) -> None:
         """Open the device and switch its force on.
 
-        Raises
-        ------
-        OSError
-            If package, library or device is missing; the message says which, and the cure.
+        Raises OSError if package, library or device is missing; the message says which, and the cure.
         """
         try:
             from forcedimension_core import dhd

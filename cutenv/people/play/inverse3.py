@@ -32,12 +32,7 @@ _LONGEST = 1 << 20  # bytes of a message
 class Inverse3Link:
     """Link to one Inverse3, for :class:`cutenv.people.play.polled_handle.PolledHandle`.
 
-    Parameters
-    ----------
-    url : str
-        Address of the service.
-    device_id : str, optional
-        Id of the device; the first by default.
+    It is the first device unless an id is given.
     """
 
     def __init__(self, url: str = INVERSE3_URL, *, device_id: str | None = None) -> None:
@@ -50,12 +45,7 @@ class Inverse3Link:
     def open(self) -> None:
         """Connect to the service and choose the device.
 
-        Raises
-        ------
-        OSError
-            If there is no service, no such device, or it is without power or not ready.
-        ModuleNotFoundError
-            If websockets is not installed.
+        Raises OSError if there is no service, no such device, or it is without power or not ready.
         """
         client = optional_import("websockets.sync.client", "websockets", "A Haply Inverse3", extra="play")
         try:
@@ -110,10 +100,7 @@ class Inverse3Link:
 def inverse3_sample(text: str | bytes, device_id: str) -> HandleSample:
     """Return the sample in a state message of the service.
 
-    Raises
-    ------
-    ValueError
-        If it is no such message, lacks the device, or the position is none of a desktop device.
+    Raises ValueError if it is no such message, lacks the device, or the position is none of a desktop device.
     """
     message = _message(text)
     state = _device(message, device_id).get("state")

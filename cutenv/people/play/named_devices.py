@@ -28,27 +28,9 @@ def named_device(
 ) -> Iterator[HapticDevice]:
     """Make a device for the time of the block.
 
-    An emulated one ends with it.
-
-    Parameters
-    ----------
-    name : str
-        One of :data:`DEVICES`.
-    target : float
-        Place [m] at which the hand of an emulated device aims.
-    url : str
-        Address of the Inverse Service.
-    axes : HandleAxes, optional
-        Which of a handle's axes is which.
-    shares : bool
-        True for a hand of an emulated device that takes the blade from an agent for 2 s.
-
-    Raises
-    ------
-    ValueError
-        If there is no such device.
-    OSError
-        If the emulator does not start.
+    An emulated one ends with it. The hand of an emulated device aims at ``target`` [m], and takes the blade from an
+    agent for 2 s if it ``shares``. Raises ValueError if there is no such device. Raises OSError if the emulator does
+    not start.
     """
     one_of("--device", name, DEVICES)
     if name == "mouse":

@@ -462,16 +462,8 @@ def _unused(folder: Path, name: str) -> Path:
 class ListenedSession:
     """Follower of a session.
 
-    Call it after every advance, with what is new passed on to a listener.
-
-    Parameters
-    ----------
-    session : Session
-        Session of cuts.
-    listener : CutListener
-        Listener to them.
-    clock : callable
-        Clock in seconds, that of the listener's stamps.
+    Call it after every advance, with what is new passed on to a listener. The clock [s] is that of the listener's
+    stamps.
     """
 
     def __init__(self, session: Session, listener: CutListener, clock: Callable[[], float] = time.monotonic) -> None:
@@ -508,25 +500,9 @@ class Servo:
 
     Python's timing is not guaranteed: another thread may delay it by some 5 ms. ``VirtualCoupling(period=0.005)``
     allows for that; the session makes up for the missed milliseconds. After a delay beyond the coupling's period the
-    force begins anew from zero.
-
-    Parameters
-    ----------
-    session : Session
-        Session, to be used under ``lock`` only from now on.
-    clock : callable
-        Clock in seconds.
-
-    Attributes
-    ----------
-    lock : threading.Lock
-        Lock that is held while the session advances.
-    longest : float
-        Longest time between two advances so far [s]; the coupling's period must cover it.
-    late : int
-        Number of advances later than the coupling's period, after which the force began anew.
-    error : Exception or None
-        Error that ended the thread early; :meth:`stop` raises it.
+    force begins anew from zero. The session is to be used under ``lock`` only from now on. ``longest`` is the longest
+    time between two advances so far [s], which the coupling's period must cover, and ``late`` the number of those
+    beyond it; :meth:`stop` raises the ``error`` that ended the thread early.
     """
 
     def __init__(self, session: Session, clock: Callable[[], float] = time.perf_counter) -> None:

@@ -50,32 +50,16 @@ _LATERAL = PATH_CUT.all_components[_AT_LATERAL]
 
 @dataclass(frozen=True, kw_only=True)
 class NearTarget:
-    """Measured and estimated state of a cut near its target.
+    """Measured and estimated state of a cut near its target."""
 
-    Attributes
-    ----------
-    force, elastic : float
-        Measured force, and the tissue's part of it as estimated [N].
-    friction : float
-        Friction of the moving blade as estimated [N].
-    stiffness : float
-        Stiffness K of the slab at the tip as estimated [N/m].
-    speed, angle : float
-        Of the blade [m/s], [rad]; pi/2 is upright.
-    rested : float
-        Time for which the blade has been at rest and unloaded [s].
-    withdrawn : float
-        Distance drawn back since the tissue was last loaded [m].
-    """
-
-    force: float
-    elastic: float
-    friction: float
-    stiffness: float
-    speed: float
-    angle: float
-    rested: float
-    withdrawn: float
+    force: float  # measured [N]
+    elastic: float  # the tissue's part of it as estimated [N]
+    friction: float  # of the moving blade, estimated [N]
+    stiffness: float  # K of the slab at the tip, estimated [N/m]
+    speed: float  # of the blade [m/s]
+    angle: float  # [rad]; pi/2 is upright
+    rested: float  # at rest and unloaded so far [s]
+    withdrawn: float  # drawn back since the tissue was last loaded [m]
 
 
 def missing_to_finish(cut: NearTarget, *, force_shown: bool = True) -> tuple[str, ...]:

@@ -132,17 +132,7 @@ _ABOVE = 2.5e-4  # the upper face, at which lines are drawn [m]
 
 
 class CurvedSolid:
-    """Slab cut along any curve, as surfaces and lines.
-
-    Parameters
-    ----------
-    cut : CurvedCut
-
-    Attributes
-    ----------
-    depth : float
-        Mean depth of cut, to which the slab is drawn [m].
-    """
+    """Slab cut along any curve, as surfaces and lines."""
 
     width = WIDTH
 

@@ -253,12 +253,7 @@ def grid_faces(rows: int, columns: int) -> Indices:
 def swept(sections: Array) -> Surface:
     """Return a closed skin around sections, with flat ends.
 
-    Each quadrangle has its own vertices.
-
-    Parameters
-    ----------
-    sections : ndarray of shape (n_sections, n_points, 3)
-        Points [m] around each section.
+    Each quadrangle has its own vertices. Sections are points [m] around each, shape (n_sections, n_points, 3).
     """
     around = np.concatenate([sections, sections[:, :1]], axis=1)
     quads = np.stack([around[:-1, :-1], around[1:, :-1], around[1:, 1:], around[:-1, 1:]], axis=-2).reshape(-1, 4, 3)
@@ -303,16 +298,9 @@ class ScalpelPose(NamedTuple):
 def pose(position: float, angle: float, depth: float, level: float = 0.0) -> ScalpelPose:
     """Return the pose with the edge in the surface at ``position``.
 
-    Parameters
-    ----------
-    position : float
-        Position of the edge in the tissue's surface, from the clamp [m].
-    angle : float
-        Angle of the blade against the surface [rad]; below 90 degrees it leans forward.
-    depth : float
-        Height of the surface there [m]: the depth of the cut of a blade at level 0.
-    level : float
-        Height of the blade's lower end [m].
+    The position of the edge is from the clamp [m], the angle against the surface [rad], below 90 degrees leaning
+    forward. ``depth`` is the height of the surface there, that of the cut of a blade at level 0, and ``level`` the
+    height of the blade's lower end [m].
     """
     scene = derived_quantities(
         {
@@ -370,12 +358,8 @@ _LINE = 0.6e-3  # thickness of the wanted depth's line [m]
 def plane_rows(cut: ShownCut, along: Array, surface: Array) -> Array:
     """Return unloaded rows, (across, along, up) [m], shape (5, n, 3).
 
-    Parameters
-    ----------
-    cut : ShownCut
-        With height.  Without a wanted depth or a layer, their rows lie at the lower face, and are not to be drawn.
-    along, surface : array, shape (n,)
-        Positions from the clamp, and height of the surface there [m].
+    The cut has height; without a wanted depth or a layer, their rows lie at the lower face, and are not to be drawn.
+    Positions are from the clamp, the surface is its height there [m], shape (n,).
     """
     assert cut.floor is not None
     floor = np.maximum(surface - cut.floor.at(along), BOTTOM)
@@ -412,17 +396,8 @@ class Skin:
 class SlabSolid:
     """Specimen of a shown cut, as a solid.
 
-    Parameters
-    ----------
-    cut : ShownCut
-
-    Attributes
-    ----------
-    rest : ndarray of shape (n_points, 3)
-        Points without load: across from the cut line, along from the clamp, up from the plane to which a blade at
-        height 0 cuts [m].
-    bottom : float
-        Height of the lower face [m].
+    ``rest`` are its points without load, shape (n_points, 3): across from the cut line, along from the clamp, up from
+    the plane to which a blade at height 0 cuts [m]. ``bottom`` is the height of the lower face [m].
     """
 
     def __init__(self, cut: ShownCut) -> None:
@@ -557,13 +532,8 @@ class SlabSolid:
     def amount(self, i: int, colour: str) -> Array:
         """Return the colouring quantity at the upper lattice, shape (n_lattice,).
 
-        Parameters
-        ----------
-        i : int
-            Instant.
-        colour : {"displacement", "energy"}
-            Displacement of the field [m], without the opening; or strain energy density [J/m3], averaged over the
-            elements that meet at a node, separately on each side of the cut.
+        It is the displacement of the field [m], without the opening, or the strain energy density [J/m3], averaged over
+        the elements that meet at a node, separately on each side of the cut.
         """
         one_of("colour", colour, COLOURINGS)
         field = self.cut.field(i)

@@ -51,11 +51,6 @@ def commands(solid: SlabSolid) -> list[bytes]:
     """Return commands for the scene's objects, at rest and origin.
 
     The page moves them.
-
-    Raises
-    ------
-    ImportError
-        If meshcat is not installed.
     """
     stage = _Stage()
     for name, skin in solid.lattices.items():
@@ -78,11 +73,6 @@ def curved_commands(solid: CurvedSolid) -> list[bytes]:
     """Return the commands for a slab with any cuts.
 
     The page moves the scalpel only.
-
-    Raises
-    ------
-    ImportError
-        If meshcat is not installed.
     """
     stage = _Stage()
     for name in ("top", "bottom", "rim"):
