@@ -110,9 +110,7 @@ class UnderstoodFile:
             position = record.position
             travel = "–" if position is None else number(1e3 * float(position.max() - position.min()), 1)
             peak = significant(float(record.force.max()), 3)
-            rows.append(
-                (str(k), [str(len(record)), number(record.duration, 2), peak, travel, str(len(picture.cuts))]),
-            )
+            rows.append((str(k), [str(len(record)), number(record.duration, 2), peak, travel, str(len(picture.cuts))]))
         return rows
 
 

@@ -316,12 +316,7 @@ def _digits(value: float) -> str:
     return number(value, 0 if whole else 1 if abs(value) >= 10.0 else 2 if abs(value) >= 1.0 else 3)
 
 
-_SHARED: dict[str, Any] = {
-    "disclaimer": DISCLAIMER,
-    "handy": _handy,
-    "leading": ON_TOP,
-    "metrics": all_metrics(),
-}
+_SHARED: dict[str, Any] = {"disclaimer": DISCLAIMER, "handy": _handy, "leading": ON_TOP, "metrics": all_metrics()}
 """Context of both pages."""
 
 

@@ -11,14 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from cutenv._base.result_table import ResultTable
-from cutenv.display.report.page import (
-    LIMITS,
-    MEANINGS,
-    further_meanings,
-    number,
-    term_meanings,
-    write_page,
-)
+from cutenv.display.report.page import LIMITS, MEANINGS, further_meanings, number, term_meanings, write_page
 from cutenv.display.report.record_figure import cut_figure, floor_figure, mean_depth_error_mm
 from cutenv.display.report.training_result import (
     SPECIMEN_CLASS,

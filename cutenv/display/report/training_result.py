@@ -81,10 +81,7 @@ COLUMNS = (
 )
 """Scores of the comparison, in its order."""
 
-DIFFERENCES = (
-    Score("return", "return", "", 3),
-    Score("success", "success", "percentage points", 0),
-)
+DIFFERENCES = (Score("return", "return", "", 3), Score("success", "success", "percentage points", 0))
 """Scores of the paired differences, in their order."""
 
 

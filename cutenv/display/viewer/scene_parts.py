@@ -246,10 +246,7 @@ _SHARES = np.linspace(0.0, 1.0, 25).tolist()
 _ACROSS = [*((-1.0, share) for share in reversed(_SHARES)), *((1.0, share) for share in _SHARES)]
 _FACES = [*((-1.0, 1.0 - math.cos(t)) for t in np.linspace(0, math.pi, 61).tolist())]
 _FACES += [(1.0, share) for _, share in reversed(_FACES)]
-_SCALPEL = (
-    "scalpel_along + y * sin(angle) + z * cos(angle)",
-    "scalpel_height - y * cos(angle) + z * sin(angle)",
-)
+_SCALPEL = ("scalpel_along + y * sin(angle) + z * cos(angle)", "scalpel_height - y * cos(angle) + z * sin(angle)")
 _SPRING = _rows((s, 0.0 if k in (0, 11) else (-1.0) ** k) for k, s in enumerate(np.linspace(0.0, 1.0, 12)))
 _BAND: PointRows = ((-1, 0), (1, 0), (1, 1), (-1, 1))
 _UPRIGHT: PointRows = ((0,), (1,))

@@ -64,11 +64,7 @@ class Trials:
     """
 
     def __init__(
-        self,
-        fewest: int = _TRIALS,
-        each: int = 0,
-        period: float = _MINUTE,
-        clock: Callable[[], float] = time.monotonic,
+        self, fewest: int = _TRIALS, each: int = 0, period: float = _MINUTE, clock: Callable[[], float] = time.monotonic
     ) -> None:
         self._fewest, self._each, self._period, self._clock = fewest, each, period, clock
         self._failed: dict[str, deque[float]] = {}

@@ -27,10 +27,9 @@ def write_shortcut(
     for argument in (*command, where, name):
         if not argument.isprintable() or (platform == "win32" and '"' in argument):
             raise ValueError(f"--shortcut: {argument!r} has a character that no shortcut can hold.")
-    ending, content = {
-        "win32": (".bat", _batch),
-        "darwin": (".command", _command_file),
-    }.get(platform, (".desktop", _desktop_entry))
+    ending, content = {"win32": (".bat", _batch), "darwin": (".command", _command_file)}.get(
+        platform, (".desktop", _desktop_entry)
+    )
     name = re.sub(r"[^\w .-]", "_", name)
     path = (place or _desktop() or Path.cwd()) / (name + ending)
     path.write_bytes(content(command, where, name).encode())

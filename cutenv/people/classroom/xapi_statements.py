@@ -201,11 +201,7 @@ def statement(cut: HandedOutCut, trace: Trace, card: ScoreCard, home: str, cours
         if task is None or not task.mark
         else completed and not task.misses(marked_numbers(card))
     )
-    result: dict[str, Any] = {
-        "success": success,
-        "completion": completed,
-        "duration": f"PT{trace.duration:.2f}S",
-    }
+    result: dict[str, Any] = {"success": success, "completion": completed, "duration": f"PT{trace.duration:.2f}S"}
     if card.overall_score is not None:
         points = round(min(max(card.overall_score, 0.0), 100.0), 1)
         result["score"] = {"scaled": round(points / 100.0, 3), "raw": points, "min": 0, "max": 100}

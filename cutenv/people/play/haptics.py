@@ -178,13 +178,7 @@ class VirtualCoupling:
         gain = (1.0 - left) / b  # speed for a force of 1
         K, B = self.stiffness, self.damping / T
         # Position, speed, and the position before, because the damper takes differences of positions.
-        step = np.array(
-            [
-                [1.0 - fall * (K + B), slide, fall * B],
-                [-gain * (K + B), left, gain * B],
-                [1.0, 0.0, 0.0],
-            ]
-        )
+        step = np.array([[1.0 - fall * (K + B), slide, fall * B], [-gain * (K + B), left, gain * B], [1.0, 0.0, 0.0]])
         return float(np.abs(np.linalg.eigvals(step)).max())
 
     def felt(self) -> FeltForce:

@@ -290,11 +290,7 @@ def standing(vertices: np.ndarray, at: ScalpelPose) -> np.ndarray:
     phi = at.angle - math.pi / 2
     x, y, z = vertices.T
     return np.stack(
-        [
-            x,
-            at.along + math.cos(phi) * y - math.sin(phi) * z,
-            at.height + math.sin(phi) * y + math.cos(phi) * z,
-        ],
+        [x, at.along + math.cos(phi) * y - math.sin(phi) * z, at.height + math.sin(phi) * y + math.cos(phi) * z],
         axis=-1,
     )
 

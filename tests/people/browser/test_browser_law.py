@@ -35,8 +35,7 @@ def test_the_program_asks_its_surroundings_for_nothing(task: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("task", "seed"),
-    [*(("gentle", seed) for seed in range(4)), ("depth", 0), ("depth", 3), ("path", 1), ("path", 2)],
+    ("task", "seed"), [*(("gentle", seed) for seed in range(4)), ("depth", 0), ("depth", 3), ("path", 1), ("path", 2)]
 )
 def test_a_cut_in_webassembly_is_pythons_to_the_last_bit(task: str, seed: int) -> None:
     kind = TASKS[task].hand

@@ -349,10 +349,7 @@ def test_the_sample_of_a_state_is_read_as_it_is() -> None:
         ({"inverse3": [{"device_id": "049D", "status": {"ready": False}}]}, "calibrate it and wait"),
         ({"inverse3": [{"device_id": "049D", "state": {}}]}, "has no cursor_position"),
         ({"inverse3": [{"device_id": "049D", "state": {"cursor_position": {"x": "1"}}}]}, "holds no three numbers"),
-        (
-            {"inverse3": [{"device_id": "049D", "state": {"cursor_position": {"x": 5, "y": 0, "z": 0}}}]},
-            "outside 1 m",
-        ),
+        ({"inverse3": [{"device_id": "049D", "state": {"cursor_position": {"x": 5, "y": 0, "z": 0}}}]}, "outside 1 m"),
     ],
 )
 def test_a_state_that_is_none_says_why(changed: dict[str, object], said: str) -> None:

@@ -189,9 +189,7 @@ class _Stage:
             ("head", _HEAD_LENGTH, 0.0, _HEAD_RADIUS),
         ):
             shape = self._geometry.Cylinder(
-                UNITS_PER_METRE * length,
-                radiusTop=UNITS_PER_METRE * top,
-                radiusBottom=UNITS_PER_METRE * bottom,
+                UNITS_PER_METRE * length, radiusTop=UNITS_PER_METRE * top, radiusBottom=UNITS_PER_METRE * bottom
             )
             material = self._geometry.MeshLambertMaterial(color=_number(colour))
             self._object(f"{path}/{part}", self._geometry.Mesh(shape, material))
