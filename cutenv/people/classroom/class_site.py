@@ -7,7 +7,7 @@ import hashlib
 import threading
 import time
 from collections import deque
-from collections.abc import Awaitable, Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
@@ -16,11 +16,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
+from anyio import CapacityLimiter, to_thread
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import FormData
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
-from starlette.responses import HTMLResponse, JSONResponse, Response
+from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
 from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -28,7 +29,7 @@ from cutenv._base.document import render
 from cutenv._base.language_files import languages, local_moment
 from cutenv.display.report.page import translated
 from cutenv.envs.tissue_source import TissueSource
-from cutenv.people.browser.page_alone import page_data, script_digest
+from cutenv.people.browser.page_data import page_data, script_digest
 from cutenv.people.classroom.class_store import teacher_of
 from cutenv.people.classroom.foreign_upload import LARGEST_UPLOAD
 from cutenv.people.classroom.host_names import is_address
@@ -212,8 +213,10 @@ class ClassSite:
         }
         return HTMLResponse(render(_PAGES / name, shared | values, filters=filters), status)
 
-    def sign(self, response: Response, cookie: str, token: str) -> Response:
-        """Let an answer sign somebody in."""
+    def sign_in(self, who: str, page: str) -> Response:
+        """Sign a person in by code, or the teacher by name, and lead on to a page."""
+        response, token = RedirectResponse(page, 303), self.lesson.store.sign_in(who)
+        cookie = self.teacher_cookie if who == self.teacher_name else self.person_cookie
         response.set_cookie(cookie, token, max_age=_SIGNED_IN, httponly=True, samesite="strict", secure=self.secure)
         return response
 
@@ -238,22 +241,38 @@ class ClassSite:
         """Return whether it is the teacher who asks."""
         return await self.signed_in(request, self.teacher_cookie) == self.teacher_name
 
-    def teachers_route(self, method: str, path: str, answer: Callable[[Request], Awaitable[Response]]) -> Route:
-        """Return a route for the teacher alone.
+    def teachers_route(
+        self,
+        method: str,
+        path: str,
+        answer: Callable[[Request, FormData], Response],
+        *,
+        limiter: CapacityLimiter | None = None,
+        **limits: int,
+    ) -> Route:
+        """Return a route for the teacher alone, whose ``answer`` to request and form runs in a thread.
 
-        A LookupError of ``answer`` becomes 404, a ValueError 422.
+        A LookupError becomes 404, a ValueError 422; ``limits`` are those of the form.
         """
 
         async def checked(request: Request) -> Response:
             await self.teacher(request)
+            form = await request.form(**limits)
             try:
-                return await answer(request)
+                return await to_thread.run_sync(answer, request, form, limiter=limiter)
             except LookupError as error:
                 raise HTTPException(404, str(error)) from None
             except ValueError as error:
                 raise HTTPException(422, str(error)) from None
 
         return Route(path, checked, methods=[method])
+
+
+class Pages:
+    """Pages and answers of a class."""
+
+    def __init__(self, site: ClassSite) -> None:
+        self._site, self._lesson = site, site.lesson
 
 
 def text_of(form: FormData, name: str) -> str:

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from cutenv._base.unit_table import Unit
 from cutenv._base.validation import in_range
 from cutenv.display.report import RecordPicture
 from cutenv.records import ColumnMap, Imported, RecordError, read_record
@@ -237,8 +236,3 @@ def _previewed(table: NamedColumns) -> tuple[tuple[PreviewColumn, ...], dict[str
     if "rate" in items:
         form["rate"] = items["rate"].removesuffix("Hz")
     return columns, form, tuple(map(str, found.questions))
-
-
-def units_by_field() -> dict[str, tuple[Unit, ...]]:
-    """Return the units that can be picked, by field."""
-    return {field: FIELD_UNITS[field] for field in PICKED}

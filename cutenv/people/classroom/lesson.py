@@ -31,7 +31,7 @@ from cutenv._base.output import put_in_place
 from cutenv.display.report.page import in_languages
 from cutenv.display.report.score_page import ScoredRecord, write_score_page
 from cutenv.envs.tissue_source import TissueSource
-from cutenv.people.browser.page_alone import specimen_data
+from cutenv.people.browser.page_data import specimen_data
 from cutenv.people.browser.stylus_steps import HandCut
 from cutenv.people.browser.watched_cut import (
     MOVEMENTS,

@@ -9,15 +9,17 @@ import socket
 import threading
 import time
 from collections import deque
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Any
 
+from starlette.datastructures import FormData
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
+from cutenv.people.classroom.class_site import ClassSite
 from cutenv.rig.operation.recorder import LIVE_SCHEMA
 
 _NUMBERS = (
@@ -97,26 +99,22 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e12 and math.isfinite(value)
 
 
-def live_routes(
-    live: LiveRig | None, teacher: Callable[[Request], Awaitable[None]], page: Callable[..., Response]
-) -> list[Route]:
+def live_routes(live: LiveRig | None, site: ClassSite) -> list[Route]:
     """Return routes of the teacher's live page; none without a rig.
 
-    Readings go to the browser as server-sent events: by their protocol nothing can be sent back. ``teacher`` raises
-    HTTPException if a request is not the teacher's; ``page`` makes a page of a template.
+    Readings go to the browser as server-sent events: by their protocol nothing can be sent back.
     """
     if live is None:
         return []
     viewers = 0
 
-    async def rig_page(request: Request) -> Response:
-        await teacher(request)
-        answer = page("rig.html", code=_SCRIPT.read_text(encoding="utf-8"))
+    def rig_page(_: Request, __: FormData) -> Response:
+        answer = site.page("rig.html", code=_SCRIPT.read_text(encoding="utf-8"))
         answer.headers["Content-Security-Policy"] = "frame-ancestors 'none'"  # the rest stands in the page
         return answer
 
     async def readings(request: Request) -> Response:
-        await teacher(request)
+        await site.teacher(request)
         if viewers >= _MOST_VIEWERS:
             raise HTTPException(503, "Too many watch this rig.")
         last = request.headers.get("last-event-id", "0")
@@ -137,4 +135,4 @@ def live_routes(
         finally:
             viewers -= 1
 
-    return [Route("/rig", rig_page, methods=["GET"]), Route("/rig/readings", readings, methods=["GET"])]
+    return [site.teachers_route("GET", "/rig", rig_page), Route("/rig/readings", readings, methods=["GET"])]

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cutenv.people.browser.page_alone import page_alone, shared_part
+from cutenv.people.browser.page_alone import page_alone
+from cutenv.people.browser.page_data import shared_part
 from cutenv.people.browser.stylus_steps import HandCut, HandDepthCut, HandPathCut
 from cutenv.people.play import Stylus
 from cutenv.sim.tissue import measured_liver

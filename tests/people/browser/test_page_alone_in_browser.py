@@ -26,7 +26,8 @@ pytest.importorskip("jinja2", reason="pages are an extra: pip install 'cutenv[vi
 from cutenv._base.language_files import languages, texts_by_key
 from cutenv.commands import single_page
 from cutenv.people.browser import HandCut, write_page_alone
-from cutenv.people.browser.page_alone import scoring_data, specimen_data
+from cutenv.people.browser.page_alone import scoring_data
+from cutenv.people.browser.page_data import specimen_data
 from cutenv.people.browser.watched_cut import from_runs
 from cutenv.records import load
 from cutenv.records.scoring import score
