@@ -135,12 +135,6 @@ def test_the_page_names_no_other_address(page: Page) -> None:
     check_fetches_nothing(page)
 
 
-def test_an_address_would_be_noticed(written: Path) -> None:
-    document = written.read_text(encoding="utf-8").replace("</main>", '<img src="http://a.b/c.png" alt=""></main>')
-    with pytest.raises(AssertionError):
-        check_fetches_nothing(Page(document))
-
-
 # Odd sets of cuts.
 
 

@@ -63,13 +63,6 @@ def test_every_policy_stands_in_the_comparison_with_its_scores_the_best_first(do
     check_comparison_shows(document, result())
 
 
-def test_a_changed_number_is_noticed(document: str) -> None:
-    changed = made_up.summary()
-    changed[3]["mean"] += 0.011
-    with pytest.raises(AssertionError):
-        check_comparison_shows(document, result(summary=changed))
-
-
 def test_agent_best_script_and_bound_are_marked(document: str) -> None:
     names = [row[0] for row in Page(document).rows]
     assert f"{AGENT} learned" in names
@@ -199,12 +192,6 @@ def test_an_agent_that_beats_its_teacher_is_told_so_first_and_one_that_beats_non
     assert training_headline(result(differences=worse, rival_script=OTHER))[0] == "bad"
 
 
-def test_a_rival_needs_its_difference() -> None:
-    lacking = [row for row in made_up.differences() if row["baseline"] != OTHER]
-    with pytest.raises(ValueError, match=f"baseline {OTHER!r}, the rival_script"):
-        result(differences=lacking, rival_script=OTHER)
-
-
 def test_it_says_how_much_less_often_the_agent_succeeds() -> None:
     changed = [
         row | {"mean": -0.17, "low_95": -0.26, "high_95": -0.08} if row["score"] == "success" else row
@@ -276,11 +263,6 @@ def test_text_from_data_is_shown_and_never_run(tmp_path: Path) -> None:
     assert any(ODD in attributes.get("alt", "") for _, attributes in page.elements)
 
 
-def test_text_that_were_not_escaped_is_noticed(document: str) -> None:
-    with pytest.raises(AssertionError):
-        check_only_own_markup(document.replace("<h1>", f"<h1>{ODD}"))
-
-
 def check_fetches_nothing(document: str) -> None:
     """Addresses are of the page's own sections or hold their data; the browser is told to fetch nothing."""
     page = Page(document)
@@ -296,15 +278,6 @@ def check_fetches_nothing(document: str) -> None:
 
 def test_the_page_fetches_nothing(document: str) -> None:
     check_fetches_nothing(document)
-
-
-@pytest.mark.parametrize(
-    "added",
-    ['<img src="https://example.org/a.png">', '<img src="a.png">', "<style>@import 'a.css';</style>", '<a href="#no">'],
-)
-def test_a_fetch_is_noticed(document: str, added: str) -> None:
-    with pytest.raises(AssertionError):
-        check_fetches_nothing(document.replace("</main>", f"{added}</main>"))
 
 
 def test_long_sawing_cuts_stay_below_3_MB(tmp_path: Path) -> None:

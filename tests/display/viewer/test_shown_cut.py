@@ -49,12 +49,6 @@ def test_the_loaded_tip_stands_at_the_blade() -> None:
     check_tip_goes_with_the_blade(ShownCut.of(forward().trace))
 
 
-def test_a_wrong_modulus_is_noticed() -> None:
-    cut = ShownCut.of(forward().trace)
-    with pytest.raises(AssertionError):
-        check_tip_goes_with_the_blade(dataclasses.replace(cut, shift=1.3 * cut.shift))
-
-
 @pytest.mark.parametrize(("turns", "source"), [((0.08,), "estimated"), ((0.08, 0.0), "return stroke")])
 def test_the_shown_tip_is_near_the_true_one(turns: tuple[float, ...], source: str) -> None:
     recorded = recorded_cut("liver", turns=turns)

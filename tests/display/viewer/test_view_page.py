@@ -50,20 +50,6 @@ def test_the_page_refers_to_nothing(colour: str) -> None:
     check_refers_to_nothing(document(colour))
 
 
-@pytest.mark.parametrize(
-    ("found", "instead"),
-    [
-        ("<body>", '<body><img src="http://127.0.0.1/a.png" alt="">'),
-        ("'none'", "'self'"),
-        ("script-src", "script-src *"),
-    ],
-)
-def test_a_page_that_could_fetch_is_noticed(found: str, instead: str) -> None:
-    broken = document().replace(found, instead, 1)
-    with pytest.raises(AssertionError):
-        check_refers_to_nothing(broken)
-
-
 def test_the_same_cut_makes_the_same_page() -> None:
     assert view_page(shown()) == document()
 

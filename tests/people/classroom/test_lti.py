@@ -422,18 +422,6 @@ def test_what_a_platform_says_is_shown_and_escaped(room: LtiRoom) -> None:
     assert "<script>no" not in answer.text
 
 
-def test_refusals_are_german_in_a_german_class(tmp_path: Path) -> None:
-    room = LtiRoom(tmp_path, language="de")
-    assert said(launched(room, room.client(), exp=1)) == "Der Start ist zu alt. Öffnen Sie die Aktivität noch einmal."
-    assert "Das Deployment '2' der Plattform" in said(launched(room, room.client(), **{f"{CLAIM}deployment_id": "2"}))
-    assert "nicht als Client 'x' angemeldet" in said(launched(room, room.client(), aud="x"))
-    assert "Weder" not in said(launched(room, room.client(), **{f"{CLAIM}roles": []}))
-    assert "weder Ihr Name noch Ihre E-Mail-Adresse" in launched(room, room.client()).text
-    answer = room.teacher().post("/teacher/platforms", data=FORM | {"do": "add", "jwks_url": "http://x"})
-    assert said(answer).startswith("jwks_url = 'http://x' ist nicht verschlüsselt. Übernehmen Sie jwks_url von")
-    room.close()
-
-
 def test_nothing_english_is_left_of_what_a_german_class_says_of_platforms(tmp_path: Path) -> None:
     room = LtiRoom(tmp_path, language="de")
     instructor = {f"{CLAIM}roles": [f"{ROLE}Instructor"]}
@@ -800,19 +788,6 @@ def test_a_backup_keeps_who_has_which_code(room: LtiRoom, tmp_path: Path) -> Non
     assert launched(again, client).headers["Location"] == "../cut"
     assert code in client.get("/cut").text
     again.lesson.close()
-
-
-def test_a_database_of_an_earlier_version_takes_people_of_platforms(tmp_path: Path) -> None:
-    store = ClassStore(f"sqlite:///{tmp_path / 'class.db'}")
-    store.add_code("P07")
-    with store.engine.begin() as connection:
-        for table in ("lti_grades", "lti_people", "lti_nonces"):
-            connection.exec_driver_sql(f"DROP TABLE {table}")
-    store.close()
-    room = LtiRoom(tmp_path)
-    learner(room)
-    assert len(room.store.codes()) == 2
-    room.close()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such modes")

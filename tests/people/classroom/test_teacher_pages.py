@@ -608,21 +608,6 @@ def test_places_marks_and_foreign_records_are_in_a_backup(room: Room, tmp_path: 
         store.close()
 
 
-@pytest.mark.parametrize(
-    "path",
-    [
-        "places", "studies", "studies/x", "studies/x/drop", "studies/x/y.html", "pass-mark", "upload", "upload/x",
-        "cuts.csv", "people/P01",
-    ],
-)  # fmt: skip
-def test_nobody_but_the_teacher_gets_in(room: Room, path: str) -> None:
-    person = room.person("P01")
-    for client in (room.client(), person):
-        answers = [client.request(method, f"/teacher/{path}").status_code for method in ("GET", "POST")]
-        assert set(answers) <= {401, 405}
-        assert 401 in answers
-
-
 def test_a_curve_is_drawn_of_scores_and_a_mean_of_three_people_or_more() -> None:
     assert score_curve([[None], []]) == ""
     one = score_curve([[20, None, 60]], mark=50)

@@ -112,16 +112,6 @@ def test_escape_closes_and_r_c_and_p_do_what_the_help_says(window: PlayWindow) -
     assert not window._window.open
 
 
-def test_a_mouse_is_caught_while_it_leads_and_free_otherwise(window: PlayWindow) -> None:
-    show(window)
-    assert not pygame.event.get_grab()
-    begin(window)
-    assert pygame.event.get_grab()
-    window.session.close()
-    show(window)
-    assert not pygame.event.get_grab()
-
-
 def test_slow_pictures_take_nothing_from_the_physics(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     blank = Canvas(8, 8, palette.PAPER)
     monkeypatch.setattr(PlayPicture, "draw", lambda self, sight: blank)
@@ -323,15 +313,6 @@ def test_the_command_plays_a_script_records_it_and_saves_a_picture(
     said = capsys.readouterr().out
     assert "of 100" in said
     assert str(out) in said
-
-
-def test_a_name_for_an_operator_is_refused_in_words(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    assert cli.main(["play", "--operator", "Anna", "--out", str(tmp_path / "cuts")]) == 2
-    assert "may identify a person" in capsys.readouterr().err
-    assert not (tmp_path / "cuts").exists()
 
 
 def test_without_the_extra_the_command_names_what_to_install(
