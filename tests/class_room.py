@@ -37,6 +37,9 @@ class Room:
 
     def __init__(self, folder: Path, course: str | None = None, tissue: Path | None = None) -> None:
         self.store = ClassStore(f"sqlite:///{folder / 'class.db'}", CLOCK)
+        if course is not None and "\n" in course:  # the text of one
+            (folder / "given.toml").write_text(course, encoding="utf-8")
+            course = str(folder / "given.toml")
         led = None if course is None else named_course(course)
         self.lesson = Lesson(self.store, folder / "records", led, tissue=tissue)
         self.app = class_app(ClassSite(lesson=self.lesson, secret=TOKEN))

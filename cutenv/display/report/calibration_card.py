@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cutenv.display.report.page import PHONE_WIDTH, label, new_figure, plain_axes, significant, write_page, write_text
+from cutenv.display.report.study_page import count
 from cutenv.records.measurement import LeftOutCut, MeasuredCut, estimate_local_effective_moduli, leave_one_out
 from cutenv.records.measurement.prediction import predicted_ramps
 from cutenv.records.measurement.speed_dependence import BETWEEN
@@ -230,14 +231,12 @@ def write_validation_card(path: Path, card: ValidationCard) -> Path:
     write_page(
         path,
         "calibration_card.html",
+        *(overlay_figure, resistance_figure, speed_figure),
         card=card,
         headline=calibration_headline(card),
         values=_values(card),
         rows=[card.row_of(cut) for cut in card.cuts],
-        count=_count,
-        overlay_figure=overlay_figure,
-        resistance_figure=resistance_figure,
-        speed_figure=speed_figure,
+        count=count,
     )
     data = path.with_suffix(".json")
     write_text(data, card.to_json() + "\n")
@@ -266,10 +265,6 @@ def calibration_headline(card: ValidationCard) -> str:
 
 def _error(pair: tuple[float, float]) -> str:
     return f"{pair[0]:.2f} N, {pair[1]:.1f} % of the peak"
-
-
-def _count(n: int, noun: str) -> str:
-    return f"{n} {noun}" + ("" if n == 1 else "s")
 
 
 def _values(card: ValidationCard) -> list[tuple[Evidence, str, str, str]]:

@@ -146,9 +146,8 @@ def write_depth_page(path: Path, record: FilmedRecord) -> None:
     write_page(
         path,
         "depth.html",
+        *(frames_figure, depth_figure),
         kind="good" if share >= 0.9 else "open",
-        frames_figure=frames_figure,
-        depth_figure=depth_figure,
         degrees=math.degrees(filmed.alignment.angle),
         low=1e3 * max(float(filmed.vertical.min()), 0.0),
         high=1e3 * float(filmed.vertical.max()),
@@ -289,11 +288,8 @@ def write_field_page(path: Path, result: FieldResult) -> Path:
     write_page(
         path,
         "field.html",
+        *(kilopascals, estimate_text, bead_map, moduli_figure),
         result=result,
-        kilopascals=kilopascals,
-        estimate_text=estimate_text,
-        bead_map=bead_map,
-        moduli_figure=moduli_figure,
     )
     data = path.with_suffix(".json")
     write_text(data, result.to_json() + "\n")

@@ -16,6 +16,7 @@ from __future__ import annotations
 import base64
 import csv
 import functools
+import hashlib
 import html
 import io
 import math
@@ -54,11 +55,15 @@ class EmbeddedFigure(NamedTuple):
     kind: Literal["drawing", "photo"]
 
 
-def write_page(path: Path, template: str | Path, *, language: str = "en", **values: Any) -> None:
+def write_page(
+    path: Path, template: str | Path, *functions: Callable[..., Any], language: str = "en", **values: Any
+) -> None:
     """Write a page atomically, from a template.
 
-    The template extends ``page.html``: the name of one here, or the path of another.
+    The template extends ``page.html``: the name of one here, or the path of another. It has ``functions`` by their
+    names, and the values.
     """
+    values = {each.__name__: each for each in functions} | values
     translation = Translation(language)
 
     def embedded(figure: Figure) -> EmbeddedFigure:
@@ -104,12 +109,22 @@ def estimate_text(mean: float, low: float, high: float, digits: int) -> str:
     return f"{number(mean, digits)} [{number(low, digits)}, {number(high, digits)}]"
 
 
+def as_base64(data: bytes) -> str:
+    """Return bytes as text for a page."""
+    return base64.b64encode(data).decode("ascii")
+
+
+def script_digest(code: str) -> str:
+    """Return a script's SHA-256 as base64, for a content security policy."""
+    return as_base64(hashlib.sha256(code.encode()).digest())
+
+
 def embedded_figure(figure: Figure) -> EmbeddedFigure:
     """Return a figure as a data address for a page."""
     drawing = io.BytesIO()
     kind: Literal["drawing", "photo"] = "photo" if any(axes.images for axes in figure.axes) else "drawing"
     figure.savefig(drawing, format="svg", metadata={"Date": None}, transparent=kind == "drawing")
-    address = "data:image/svg+xml;base64," + base64.b64encode(drawing.getvalue()).decode("ascii")
+    address = "data:image/svg+xml;base64," + as_base64(drawing.getvalue())
     width, height = 96.0 * figure.get_size_inches()
     return EmbeddedFigure(address, round(width), round(height), kind)
 

@@ -394,6 +394,7 @@ def write_pass_mark_page(
     write_page(
         path,
         "pass_mark.html",
+        *(heading_of, marks_table, proficiency_table, rater_table, curves_figure, proficiency_figure, raters_figure),
         language=language,
         setting=setting,
         progress=progress,
@@ -403,16 +404,9 @@ def write_pass_mark_page(
         fewest=FEWEST_FOR_AN_INTERVAL,
         evidence=validity_evidence(setting),
         meaning=_meaning,
-        heading_of=heading_of,
-        marks_table=marks_table,
-        proficiency_table=proficiency_table,
-        rater_table=rater_table,
         warnings=_warnings,
         who_reaches=partial(_who_reaches, setting),
         agreement=_agreement(setting),
-        curves_figure=curves_figure,
-        proficiency_figure=proficiency_figure,
-        raters_figure=raters_figure,
     )
     table, everything = path.with_suffix(".csv"), path.with_suffix(".json")
     write_people(table, setting)

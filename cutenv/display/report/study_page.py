@@ -17,7 +17,6 @@ from cutenv._base.result_table import ColumnHead, Reason, ResultRow, ResultTable
 from cutenv._base.unit_table import Unit, shown_unit
 from cutenv.display.report.page import (
     PHONE_WIDTH,
-    estimate_text,
     label,
     new_figure,
     number,
@@ -201,10 +200,7 @@ def _orders_of(each: Crossover) -> str:
 def _in_unit(estimate: Estimate | None, unit: Unit) -> str:
     if estimate is None:
         return "not known"
-    if estimate.low is None or estimate.high is None:
-        return number(unit.from_si(estimate.value), 2)
-    low, high = (unit.from_si(end) for end in (estimate.low, estimate.high))
-    return estimate_text(unit.from_si(estimate.value), low, high, 2)
+    return interval_text(estimate, lambda value: number(unit.from_si(value), 2))
 
 
 def _excludes_zero(estimate: Estimate) -> bool:
@@ -303,18 +299,16 @@ def correlation(value: float) -> str:
     return f"< {number(-1.0, 0)}" if value < -1.0 else number(value, 2)
 
 
-def correlation_text(each: Estimate) -> str:
-    """Return a correlation as text, with any interval."""
-    if each.low is None or each.high is None:
-        return correlation(each.value)
-    return f"{correlation(each.value)} [{correlation(each.low)}, {correlation(each.high)}]"
-
-
-def interval_text(each: Estimate) -> str:
+def interval_text(each: Estimate, shown: Callable[[float], str] = lambda value: number(value, 2)) -> str:
     """Return a value as text, with any interval."""
     if each.low is None or each.high is None:
-        return number(each.value, 2)
-    return estimate_text(each.value, each.low, each.high, 2)
+        return shown(each.value)
+    return f"{shown(each.value)} [{shown(each.low)}, {shown(each.high)}]"
+
+
+def correlation_text(each: Estimate) -> str:
+    """Return a correlation as text, with any interval."""
+    return interval_text(each, correlation)
 
 
 def three_digits(value: float) -> str:
@@ -491,6 +485,16 @@ def write_study(
     write_page(
         path,
         "study.html",
+        *(
+            heading_of,
+            means_table,
+            separation_table,
+            reliability_table,
+            people_table,
+            groups_figure,
+            learning_figure,
+            reliability_figure,
+        ),
         language=language,
         study=study,
         subtitle=f"{cuts} of {people}{by}. {DISCLAIMER}",
@@ -504,15 +508,7 @@ def write_study(
         without_reliability=shared_reason([found.reliability for found in study.findings]),
         caption=_caption,
         changes=_changes,
-        heading_of=heading_of,
-        means_table=means_table,
-        separation_table=separation_table,
-        reliability_table=reliability_table,
-        people_table=people_table,
-        groups_figure=groups_figure,
-        learning_figure=learning_figure,
         crossed=crossed_conditions(study),
-        reliability_figure=reliability_figure,
     )
     cards = path.with_suffix(".csv")
     write_cards(cards, study)

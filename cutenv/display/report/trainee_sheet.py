@@ -6,6 +6,7 @@ A sheet is a page to print and hand out.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -127,13 +128,18 @@ def _attempts(study: Study, operator: str) -> list[tuple[int, StudiedCut | str]]
 
 def _by_number(study: Study) -> list[float]:
     """Return mean scores by cut number, where enough people made it."""
+    return class_means(
+        [
+            [None if isinstance(cut, str) else cut.card.overall_score for _, cut in _attempts(study, each)]
+            for each in study.operators
+        ]
+    )
+
+
+def class_means(people: Sequence[Sequence[float | None]]) -> list[float]:
+    """Return mean scores by cut number while three people or more remain."""
     means: list[float] = []
-    rows = [
-        [None if isinstance(cut, str) else cut.card.overall_score for _, cut in _attempts(study, each)]
-        for each in study.operators
-    ]
-    for k in range(max(map(len, rows))):
-        there = [row[k] for row in rows if k < len(row)]
+    for there in zip_longest(*people):
         scores = [score for score in there if score is not None]
         if len(scores) < _FEWEST_OF_CLASS:
             break

@@ -19,7 +19,7 @@ import itertools
 import math
 import operator
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -205,11 +205,8 @@ class ScenePart:
         return _formula(self.place[0]), _formula(self.place[1])
 
 
-class Hatched(NamedTuple):
-    """Clamp's edge length [m] and lower jaw's height [m], as drawn."""
-
-    length: float = 0.0054
-    height: float = 0.012
+CLAMP = {"length": 0.0054, "height": 0.012}
+"""Length of the clamp's edge and height of its lower jaw, as drawn [m]."""
 
 
 def blade_edge(count: int = 24) -> Array:
@@ -417,7 +414,7 @@ def scene_data() -> dict[str, Any]:
         "chord": CHORD,
         "largest_displacement": LARGEST_DISPLACEMENT,
         "ruler": {"step": RULER_STEP, "labelled": RULER_LABELLED},
-        "clamp": Hatched()._asdict(),
+        "clamp": CLAMP,
         "chart": {
             "low": CHART_FLOOR, "high": CHART_CEILING, "step": CHART_STEP, "filled": CHART_FILLED,
             "samples": CHART_SAMPLES,

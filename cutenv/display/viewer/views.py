@@ -20,13 +20,13 @@ from cutenv.display.viewer.palette import Colour
 from cutenv.display.viewer.scene import ForceTrace, Layout, Moment, rest_places, scene_label
 from cutenv.display.viewer.scene_parts import (
     CHORD,
+    CLAMP,
     LARGEST_DISPLACEMENT,
     PARTS,
     RULER_LABELLED,
     RULER_STEP,
     TINT,
     WORDS,
-    Hatched,
     SceneFormula,
     ScenePart,
 )
@@ -37,7 +37,6 @@ from cutenv.task.episode import ShownPath
 _LETTERS, _LABEL_LETTERS = 16, 19
 _CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))  # corners of a cell, in order around it
 _ANCHORS = {"center": "midbottom", "left": "midleft"}
-_CLAMP = Hatched()
 _TINT = [(role, SceneFormula(text)) for role, text in TINT]
 
 
@@ -61,10 +60,10 @@ def tint(force: float, quantities: Mapping[str, Any]) -> Colour:
 
 def draw_clamp(canvas: Canvas, layout: Layout, width: float) -> None:
     """Draw the clamp in both views, with its name."""
-    edge = layout.along(-_CLAMP.length)
+    edge = layout.along(-CLAMP["length"])
     top, bottom = (float(layout.place("above", np.array([sign * width, 0.0]))[1]) for sign in (-0.5, 0.5))
     canvas.hatch(edge, top - 2, layout.clamp, bottom + 2, palette.QUIET)
-    jaw = float(layout.place("side", np.array([0.0, _CLAMP.height]))[1])
+    jaw = float(layout.place("side", np.array([0.0, CLAMP["height"]]))[1])
     canvas.hatch(edge, jaw, layout.clamp, layout.blade_end, palette.QUIET)
     canvas.text("clamp", (edge - 4, bottom - 30), size=_LETTERS, colour=palette.QUIET, anchor="midright", upwards=True)
 

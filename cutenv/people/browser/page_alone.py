@@ -18,6 +18,7 @@ from cutenv._base.language_files import ENGLISH, languages, texts_by_key
 from cutenv._base.output import atomic_write
 from cutenv._base.validation import in_range, one_of
 from cutenv.agents.policy import experts
+from cutenv.display.report.page import write_text
 from cutenv.envs.tissue_source import TissueSource
 from cutenv.people.browser.page_data import PAGE_FOLDER, page_data, page_text, specimen_data
 from cutenv.records.measurement.strokes import SHORTEST_STROKE, STANDSTILL_SPEED
@@ -66,10 +67,8 @@ def write_page_alone(path: Path, **options: Any) -> int:
     OSError
         If the page cannot be written.
     """
-    document = page_alone(**options).encode("utf-8")
-    with atomic_write(path) as part:
-        part.write_bytes(document)
-    return len(document)
+    write_text(path, page_alone(**options))
+    return path.stat().st_size
 
 
 def page_alone(

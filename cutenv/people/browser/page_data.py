@@ -5,9 +5,7 @@ Lengths, forces and times are in SI units; records of the law are base64.
 
 from __future__ import annotations
 
-import base64
 import dataclasses
-import hashlib
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,6 +18,7 @@ from cutenv._base import resources
 from cutenv._base.arrays import StructArray
 from cutenv._base.document import render
 from cutenv._base.language_files import languages, texts_by_key
+from cutenv.display.report.page import as_base64, script_digest
 from cutenv.display.viewer.drawn_slab import Slab
 from cutenv.display.viewer.scene_parts import scene_data
 from cutenv.people.browser.watched_cut import expert_way, kind_of_expert
@@ -47,7 +46,7 @@ def page_text(template: str, data: dict[str, Any], **values: Any) -> str:
     """Return a cutting page, filled with data, laws, scripts and template values."""
     filled = {
         "data": json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"),
-        "laws": {task: _base64(law_of(task)) for task in data["tasks"]},
+        "laws": {task: as_base64(law_of(task)) for task in data["tasks"]},
         "code": "\n".join((PAGE_FOLDER / name).read_text(encoding="utf-8") for name in _SCRIPTS),
         "words": data["texts"][data["language"]],
         **values,
@@ -111,7 +110,7 @@ def _task_data(task: str, tissue: TissueDescription) -> dict[str, Any]:
         "channels": kind.channel_fields,
         "ends": led.ends,
         "terms": tuple(cost.name for cost in led.costs),
-        "shared": _base64(shared_part(task, tissue.slab()).tobytes()),
+        "shared": as_base64(shared_part(task, tissue.slab()).tobytes()),
     }
 
 
@@ -136,7 +135,7 @@ def specimen_data(
     of_task: dict[str, Any] = {} if line is None else {"line": line}
     cut = TASKS[task].hand(**key, **of_task, target_length=target_length, tissue=tissue)
     told = {"line": cut.noted["line"]} if TASKS[task].line else {}
-    records = {name: _base64(record.tobytes()) for name, record in cut.records.items()}
+    records = {name: as_base64(record.tobytes()) for name, record in cut.records.items()}
     data = {"task": task} | key | told | {"records": records, "facts": cut.facts}
     if expert is not None:
         key |= {"target_length": target_length, "task": task, "line": line, "tissue": tissue}
@@ -175,16 +174,7 @@ def _slab_data(tissue: TissueDescription) -> dict[str, Any]:
     return {
         "width": model.width,
         "shape": slab.rest.shape[:3],
-        "rest": _base64(slab.rest.astype("<f8").tobytes()),
+        "rest": as_base64(slab.rest.astype("<f8").tobytes()),
         "tips": _TIPS,
-        "fields": _base64(fields.astype("<f4").tobytes()),
+        "fields": as_base64(fields.astype("<f4").tobytes()),
     }
-
-
-def _base64(content: bytes) -> str:
-    return base64.b64encode(content).decode("ascii")
-
-
-def script_digest(code: str) -> str:
-    """Return a script's SHA-256 as base64, for a content security policy."""
-    return _base64(hashlib.sha256(code.encode()).digest())

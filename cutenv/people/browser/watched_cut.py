@@ -131,7 +131,7 @@ def shown_cut(
 def _watching(task: str, line: str | None, **key: Any) -> tuple[list[list[float]], bool]:
     of_line: dict[str, Any] = {} if line is None else {"line": line}
     cut = TASKS[task].hand(**key, **of_line)
-    device = cut.watching_hand()
+    device = cut.simple_hand()
     rows: list[list[float]] = []
     while not cut.end:
         stylus = [device.read() for _ in range(_HELD)][-1]

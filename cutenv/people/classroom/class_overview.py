@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from cutenv._base.language_files import texts_by_key
 from cutenv._base.validation import one_of
+from cutenv.display.report.trainee_sheet import class_means
 from cutenv.people.classroom.class_store import HandedOutCut, MarkInForce, Place
 from cutenv.people.classroom.class_tables import GOING_ON, LEFT, OPEN, SAVED, TAKEN_BACK
 from cutenv.people.classroom.lesson import LONGEST_CUT, Lesson, name_of
@@ -15,7 +16,6 @@ from cutenv.people.play.course import WARM_UP
 from cutenv.records.scoring.study import proficiency
 
 _WIDTH, _HEIGHT, _LEFT, _BELOW, _ABOVE = 400.0, 170.0, 30.0, 22.0, 8.0
-_FEWEST_OF_CLASS = 3  # people whose mean shows nobody
 
 Scores = Sequence[int | None]
 """Score of each of a person's cuts, in order; None where a cut has none."""
@@ -69,17 +69,6 @@ def score_curve(people: Sequence[Scores], *, mark: float | None = None, label: s
         parts.append(line(class_means(people), 'class="mean" stroke="var(--accent)" stroke-width="2.5"'))
     about = f'viewBox="0 0 {_WIDTH:g} {_HEIGHT:g}" fill="currentColor" font-size="12" role="img" aria-label="{label}"'
     return f'<svg class="curve" {about}>{"".join(parts)}</svg>'
-
-
-def class_means(people: Sequence[Scores]) -> list[float | None]:
-    """Return mean scores by cut number while three people or more remain."""
-    means: list[float | None] = []
-    for k in range(max(map(len, people), default=0)):
-        there = [score for scores in people if k < len(scores) and (score := scores[k]) is not None]
-        if len(there) < _FEWEST_OF_CLASS:
-            break
-        means.append(sum(there) / len(there))
-    return means
 
 
 def overview(lesson: Lesson, language: str) -> dict[str, Any]:

@@ -503,12 +503,10 @@ class Lesson:
         movements = in_runs(self._movements(cut))
         by = kind_of_expert(task.expert) if expert is None else "example"
         kind, seed, target = cut.specimen_class, cut.seed, cut.target_length
-        line = task.line if TASKS[task.task].line else None
+        key: dict[str, Any] = {"task": task.task, "tissue": self.tissue, **task.of_line}
         if expert is None:
-            expert = expert_way(
-                kind, seed, 0, target, task=task.task, line=line, tissue=self.tissue, expert=task.expert
-            )
-        specimen = specimen_data(kind, seed, 0, target, task=task.task, tissue=self.tissue, **task.of_line)
+            expert = expert_way(kind, seed, 0, target, **key, expert=task.expert)
+        specimen = specimen_data(kind, seed, 0, target, **key)
         return {"specimen": specimen, "movements": movements, "expert": expert, "by": by}
 
     def demonstration(self, code: str) -> dict[str, Any]:
@@ -517,8 +515,7 @@ class Lesson:
         if course is None or not course.demonstration:
             raise LookupError("there is no demonstration.")
         task = course.for_operator(code).tasks[0]
-        line = task.line if TASKS[task.task].line else None
-        key: dict[str, Any] = {"task": task.task, "line": line, "tissue": self.tissue}
+        key: dict[str, Any] = {"task": task.task, "tissue": self.tissue, **task.of_line}
         kind, target = task.specimen_class, task.target_length
         with self._guard:  # some seconds of work, once
             seed, movements = shown_cut(kind, target, **key)

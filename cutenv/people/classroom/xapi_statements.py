@@ -18,7 +18,7 @@ from sqlalchemy import Column, ForeignKey, String, Table, func, insert, select
 from sqlalchemy.exc import IntegrityError, SQLAlchemyError
 
 import cutenv
-from cutenv.people.classroom.class_store import ClassStore, HandedOutCut
+from cutenv.people.classroom.class_store import ClassStore, HandedOutCut, written
 from cutenv.people.classroom.class_tables import CLASS_METADATA, CUTS, SAVED
 from cutenv.people.classroom.lesson import Lesson
 from cutenv.people.play.course import Course, marked_numbers
@@ -58,36 +58,31 @@ class StatementQueue:
 
     def agree(self, code: str) -> None:
         """Note a person's consent to statements of cuts from now on."""
-        with suppress(IntegrityError), self._store.engine.begin() as connection:  # who agreed before has done so
-            connection.execute(
-                insert(_agreed).values(code=code, since=self._store.clock().isoformat(timespec="microseconds"))
-            )
+        with suppress(IntegrityError):  # who agreed before has done so
+            self._store.run(insert(_agreed).values(code=code, since=written(self._store.clock())))
 
     def due(self, most: int) -> list[HandedOutCut]:
         """Return the first cuts that wait, in order."""
         wanted = select(CUTS.c.id, CUTS.c.code).where(_waits).order_by(CUTS.c.handed_out).limit(most)
-        with self._store.engine.begin() as connection:
-            rows = connection.execute(wanted).all()
         found = []
-        for row in rows:
+        for row in self._store.rows(wanted):
             with suppress(LookupError):  # deleted at this moment
                 found.append(self._store.cut(row.id, row.code))
         return found
 
     def waiting(self) -> int:
         """Return the number of cuts that wait."""
-        with self._store.engine.begin() as connection:
-            return int(connection.execute(select(func.count()).select_from(CUTS, _agreed).where(_waits)).scalar_one())
+        ((count,),) = self._store.rows(select(func.count()).select_from(CUTS, _agreed).where(_waits))
+        return int(count)
 
     def done(self, number: str, trouble: str = "") -> None:
         """Mark a cut's statement as delivered, or as failed with reason."""
-        with suppress(IntegrityError), self._store.engine.begin() as connection:  # another server's, or deleted by now
-            connection.execute(insert(_delivered).values(cut=number, trouble=trouble[:300]))
+        with suppress(IntegrityError):  # another server's, or deleted by now
+            self._store.run(insert(_delivered).values(cut=number, trouble=trouble[:300]))
 
     def troubles(self) -> list[str]:
         """Return why statements never arrived, one reason for each."""
-        with self._store.engine.begin() as connection:
-            return [row.trouble for row in connection.execute(select(_delivered).where(_delivered.c.trouble != ""))]
+        return [row.trouble for row in self._store.rows(select(_delivered).where(_delivered.c.trouble != ""))]
 
 
 XAPI_VERSION = "1.0.3"

@@ -20,7 +20,7 @@ from cutenv.display.viewer.palette import Colour
 from cutenv.display.viewer.scene import ForceTrace, Layout, Moment
 from cutenv.display.viewer.views import draw_rows
 from cutenv.people.play.course_progress import GIVEN_UP
-from cutenv.people.play.view_state import ViewState
+from cutenv.people.play.play_session import ViewState
 from cutenv.records.scoring import ScoreCard
 from cutenv.records.scoring.score_card import DISCLAIMER
 from cutenv.sim.tissue.grid import depth_below

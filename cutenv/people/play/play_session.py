@@ -13,27 +13,28 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 import cutenv
+from cutenv._base.arrays import Array, StructArray
 from cutenv._base.validation import in_range, one_of
 from cutenv.display.viewer.scene import Moment
 from cutenv.envs.tissue_source import TissueSource
-from cutenv.people.play.course import FEEDBACK, shown_feedback
+from cutenv.people.play.course import FEEDBACK, ShownFeedback, shown_feedback
 from cutenv.people.play.course_progress import GIVEN_UP, CourseProgress
 from cutenv.people.play.devices import LedHand
 from cutenv.people.play.hand_model import PLAYED_HAND
-from cutenv.people.play.handle_body import Handle
+from cutenv.people.play.handle_body import Handle, HandlePose
 from cutenv.people.play.haptics import FeltForce, HapticDevice, Stylus
 from cutenv.people.play.played_cut import FEWEST_READINGS, UPDATES_HZ, PlayedCut
 from cutenv.people.play.shared_cut import SharedCut, SharingAgent
-from cutenv.people.play.view_state import PlayPhase, ViewState
 from cutenv.records import Provenance, save
 from cutenv.records.appending import CutListener
 from cutenv.records.scoring import ScoreCard
 from cutenv.sim.cutting.dtypes import TICK
+from cutenv.sim.tissue import CutModel
 from cutenv.sim.tissue.grid import depth_below
 from cutenv.sim.tissue.specimen import CLASSES
 from cutenv.task.registry import TASKS, tasks_with
@@ -118,6 +119,49 @@ class SessionPlan:
     def of_task(self) -> dict[str, Any]:
         """Arguments of the task's cut alone."""
         return {name: value for name in ("line", "agent") if (value := getattr(self, name)) is not None}
+
+
+PlayPhase = Literal["ready", "countdown", "cutting", "ended"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewState:
+    """State of a session to be drawn at one moment.
+
+    Nothing in it changes afterwards.
+    """
+
+    phase: PlayPhase
+    countdown: float
+    moment: Moment
+    readings: StructArray
+    hand: float
+    hand_place: tuple[float, float]
+    """Along and across the slab, to the left [m]."""
+    lateral_force: Array
+    """Force on the blade to its right at every reading [N]; of shape (0,) where it is not steered."""
+    pose: HandlePose | None
+    missing: tuple[str, ...]
+    practice: bool
+    practised: bool
+    truth: dict[str, Any]
+    specimen_class: str
+    chosen_class: str
+    serial: int
+    model: CutModel
+    number: int
+    finished: int
+    count: int | None
+    card: ScoreCard | None
+    saved: Path | None
+    operator: str | None
+    shown: ShownFeedback
+    feedback_words: str
+    task: str
+    verdict: tuple[str, ...]
+    leader: str
+    """Words that say who leads a shared cut; empty where only a person cuts."""
+    done: bool
 
 
 class Session:

@@ -60,8 +60,7 @@ def room(tmp_path: Path) -> Iterator[LtiRoom]:
 
 @pytest.fixture
 def in_course(tmp_path: Path) -> Iterator[LtiRoom]:
-    (tmp_path / "given.toml").write_text(COURSE_FILE.format(feedback="always"), encoding="utf-8")
-    made = LtiRoom(tmp_path, str(tmp_path / "given.toml"))
+    made = LtiRoom(tmp_path, COURSE_FILE.format(feedback="always"))
     yield made
     assert not made.platform.troubles
     made.close()
@@ -610,8 +609,7 @@ def lti_line_item(room: LtiRoom, name: str) -> dict[str, Any]:
 
 def test_nothing_is_said_of_a_task_with_hidden_feedback_before_the_course_is_done(tmp_path: Path) -> None:
     hidden_first = COURSE_FILE.format(feedback="never").replace("seeds = [5]", 'feedback = "never"')
-    (tmp_path / "given.toml").write_text(hidden_first, encoding="utf-8")
-    room = LtiRoom(tmp_path, str(tmp_path / "given.toml"))
+    room = LtiRoom(tmp_path, hidden_first)
     _, code = learner(room)
     saved(room, code, 81.0, "even tissue")
     room.tool.grades.deliver()
@@ -624,8 +622,7 @@ def test_nothing_is_said_of_a_task_with_hidden_feedback_before_the_course_is_don
 
 def test_a_warm_up_counts_for_no_grade(tmp_path: Path) -> None:
     content = COURSE_FILE.format(feedback="always").replace("[[task]]", "warm_up = 1\n[[task]]", 1)
-    (tmp_path / "given.toml").write_text(content, encoding="utf-8")
-    room = LtiRoom(tmp_path, str(tmp_path / "given.toml"))
+    room = LtiRoom(tmp_path, content)
     _, code = learner(room)
     saved(room, code, 99.0, WARM_UP)
     room.tool.grades.deliver()

@@ -20,9 +20,10 @@ pytest.importorskip("httpx2", reason="asks the server in its tests: pip install 
 from class_room import CLOCK, Room, begun, cut_once, hand
 from starlette.testclient import TestClient
 
+from cutenv.display.report.trainee_sheet import class_means
 from cutenv.people.classroom import ClassStore, Lesson
 from cutenv.people.classroom.class_backup import restore_backup, write_backup
-from cutenv.people.classroom.class_overview import class_means, live_list, score_curve
+from cutenv.people.classroom.class_overview import live_list, score_curve
 from cutenv.people.classroom.class_store import CutEnd, NewCut
 from cutenv.people.classroom.class_tables import TRIAL
 from cutenv.people.classroom.foreign_upload import LARGEST_UPLOAD

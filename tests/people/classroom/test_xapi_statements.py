@@ -116,8 +116,7 @@ def room(tmp_path: Path, store: Store) -> Iterator[SendingRoom]:
 
 
 def test_each_cut_is_a_statement_that_keeps_the_rules(tmp_path: Path, store: Store) -> None:
-    (tmp_path / "course.toml").write_text(COURSE, encoding="utf-8")
-    room = SendingRoom(tmp_path, store, str(tmp_path / "course.toml"))
+    room = SendingRoom(tmp_path, store, COURSE)
     client = room.person("P07")
     assert cut_once(client)[0].status_code == 200  # given up
     stylus = np.concatenate([hand(4000, 3e-5), np.full((26_000, 2), [0.12, np.pi / 2])])

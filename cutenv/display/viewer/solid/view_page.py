@@ -9,8 +9,6 @@ descriptions of objects are used here. One unit of the scene is 10 cm, which sui
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import itertools
 import json
 import math
@@ -22,8 +20,8 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
 from cutenv._base.document import render
-from cutenv._base.output import atomic_write
 from cutenv._base.validation import one_of
+from cutenv.display.report.page import as_base64, script_digest, write_text
 from cutenv.display.viewer import palette
 from cutenv.display.viewer.scene_parts import BLADE_LENGTH, HANDLE_LENGTH
 from cutenv.display.viewer.solid.curved_cut import OPENING, CurvedCut, CurvedSolid
@@ -264,10 +262,8 @@ def write_view(path: Path, cut: ShownCut, *, colour: str = "displacement") -> in
     OSError
         If the page cannot be written.
     """
-    document = view_page(cut, colour=one_of("colour", colour, COLOURINGS)).encode("utf-8")
-    with atomic_write(path) as part:
-        part.write_bytes(document)
-    return len(document)
+    write_text(path, view_page(cut, colour=one_of("colour", colour, COLOURINGS)))
+    return path.stat().st_size
 
 
 def view_page(cut: ShownCut, *, colour: str = "displacement") -> str:
@@ -312,7 +308,7 @@ def view_page(cut: ShownCut, *, colour: str = "displacement") -> str:
         "viewer": viewer,
         "player": (_HERE / "player.js").read_text(encoding="utf-8"),
     }
-    return render(_HERE / "view.html", values, filters={"digest": digest})
+    return render(_HERE / "view.html", values, filters={"digest": script_digest})
 
 
 def _told(solid: SlabSolid) -> dict[str, Any]:
@@ -387,16 +383,6 @@ def meshcat_viewer() -> tuple[str, str]:
     return viewer, "\n\n".join((folder / name).read_text(encoding="utf-8") for name in texts)
 
 
-def as_base64(data: bytes) -> str:
-    """Return bytes as text for a page."""
-    return base64.b64encode(data).decode("ascii")
-
-
-def digest(code: str) -> str:
-    """Return the digest by which a page's policy admits scripts."""
-    return as_base64(hashlib.sha256(code.encode()).digest())
-
-
 def _rounded(values: Array, digits: int) -> Any:
     # "-0" and "0" would make two different pages of one cut.
     return (np.round(values, digits) + 0.0).tolist()
@@ -424,10 +410,8 @@ def write_curved_view(path: Path, cut: CurvedCut) -> int:
     OSError
         If the page cannot be written.
     """
-    document = curved_page(cut).encode("utf-8")
-    with atomic_write(path) as part:
-        part.write_bytes(document)
-    return len(document)
+    write_text(path, curved_page(cut))
+    return path.stat().st_size
 
 
 def curved_page(cut: CurvedCut) -> str:
@@ -452,4 +436,4 @@ def curved_page(cut: CurvedCut) -> str:
         "viewer": viewer,
         "script": (_HERE / "curved.js").read_text(encoding="utf-8"),
     }
-    return render(_HERE / "curved.html", values, filters={"digest": digest})
+    return render(_HERE / "curved.html", values, filters={"digest": script_digest})
