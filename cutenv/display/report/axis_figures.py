@@ -1,7 +1,4 @@
-"""Figures of a rig's axis.
-
-Its responses to steps and sines over the fitted model, and the speed of a cut.
-"""
+"""Figures of a rig's axis: answers over the model, and speed."""
 
 from __future__ import annotations
 
@@ -32,10 +29,7 @@ _LEAST = 1e-6  # [m]
 def draw_identification(
     path: Path, steps: Sequence[StepResponse], sines: Sequence[StepResponse], *, title: str = ""
 ) -> None:
-    """Write a figure of measured and modelled responses, above the errors.
-
-    Times count from the first command; the suffix gives the format.
-    """
+    """Write a figure of measured and modelled responses, above the errors."""
     figure = new_figure(*_SIZE)
     rows = figure.subplots(2, 2, sharex="col", height_ratios=(2.2, 1.0))
     for column, (answers, name) in enumerate(((steps, "steps of speed"), (sines, "sines of speed"))):
@@ -64,10 +58,7 @@ def _draw(above: Axes, below: Axes, answers: Sequence[StepResponse]) -> None:
 
 
 def draw_speed(path: Path, found: SpeedTracking, *, title: str = "") -> None:
-    """Write a figure of desired and actual speed, difference and force.
-
-    The suffix of the path gives the format.
-    """
+    """Write a figure of desired and actual speed, difference and force."""
     figure = new_figure(*_SPEED_SIZE)
     speeds, off, force = figure.subplots(3, 1, sharex=True, height_ratios=(2.2, 1.0, 1.0))
     time = found.time - found.time[0]

@@ -1,7 +1,4 @@
-"""Validation card of a calibrated tissue.
-
-Values, the data behind them, and how well it predicts; with figures.
-"""
+"""Validation card of a tissue: values, data, predictions, figures."""
 
 from __future__ import annotations
 
@@ -224,10 +221,7 @@ class ValidationCard:
 
 
 def write_validation_card(path: Path, card: ValidationCard) -> Path:
-    """Write the card as one self-contained page, and as JSON.
-
-    Return the path of the JSON, the page's with the suffix ``.json``.
-    """
+    """Write the card as self-contained page and as JSON, whose path is returned."""
     write_page(
         path,
         "calibration_card.html",
@@ -283,10 +277,7 @@ def _values(card: ValidationCard) -> list[tuple[Evidence, str, str, str]]:
 
 
 def _without_depth(cut: MeasuredCut, model: CutModel) -> float | None:
-    """Return the mean modulus [Pa] at the model's thickness.
-
-    As in Tables 5.1 to 5.5, that stands for the depth of cut.
-    """
+    """Return the mean modulus [Pa] at the model's thickness, as in Tables 5.1 to 5.5."""
     found = estimate_local_effective_moduli(
         cut.trace, model, depth_normalised=False, friction_per_depth=0.0, loading_ratio=0.0
     )

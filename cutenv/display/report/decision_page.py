@@ -1,7 +1,4 @@
-"""Report of a sequential comparison.
-
-Decision, interval after every pair, what it spent and saved, raw pairs.
-"""
+"""Report of a sequential comparison: decision, intervals, what it saved, pairs."""
 
 from __future__ import annotations
 
@@ -163,10 +160,7 @@ def _shown(value: object) -> str:
 
 
 def write_decision(folder: Path, report: DecisionReport) -> list[Path]:
-    """Write the page and the raw pairs; return the paths.
-
-    The pairs are written as CSV and as Parquet.
-    """
+    """Write the page and the raw pairs, as CSV and Parquet; return the paths."""
     names = list(dict.fromkeys(name for row in report.rows for name in row))
     write_table(folder / TABLE, [names, *([row.get(name) for name in names] for row in report.rows)])
     arrow = optional_import("pyarrow", "pyarrow", "Parquet")

@@ -89,10 +89,7 @@ def _draw_frame(axes: Axes, frame: DepthFrame, picture: NDArray[np.uint8]) -> No
 
 
 def depth_figure(trace: Trace, filmed: FilmedDepth, found: RunsAndDrops, width: float) -> Figure:
-    """Draw depth and length along the blade above the force.
-
-    It shows the frames left out, and the runs seen.
-    """
+    """Draw depth and length along the blade, frames left out, runs and force."""
     figure = new_figure(width, 5.0)
     depth, force = figure.subplots(2, 1, sharex=True, height_ratios=(1.6, 1.0))
     band: dict[str, Any] = {"color": _SURFACE, "alpha": 0.35, "linewidth": 0.0}
@@ -127,10 +124,7 @@ FRAME_COLUMNS = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FilmedRecord:
-    """Record with depth and runs from a film.
-
-    Some of the frames are kept by number, each of shape (height, width).
-    """
+    """Record with depth and runs from a film, and some frames by number."""
 
     name: str
     trace: Trace
@@ -281,10 +275,7 @@ class FieldResult:
 
 
 def write_field_page(path: Path, result: FieldResult) -> Path:
-    """Write the result as one self-contained page, and as JSON.
-
-    Return the path of the JSON, the page's with the suffix ``.json``.
-    """
+    """Write the result as self-contained page and as JSON, whose path is returned."""
     write_page(
         path,
         "field.html",
@@ -318,10 +309,7 @@ def _zones(zones: ZoneModuli) -> dict[str, Any]:
 
 
 def moduli_figure(result: FieldResult, width: float) -> Figure:
-    """Draw every ramp's modulus by force, at its tip, by image.
-
-    Zones and the value put in are lines.
-    """
+    """Draw moduli by force and by image; zones and value put in."""
     tips, image, zones, truth = result.measured.tips, result.image, result.zones, result.truth
     figure = new_figure(width, 3.6)
     axes = figure.subplots()

@@ -1,7 +1,4 @@
-"""Records as they were understood, before anybody scores them.
-
-A figure in a terminal, drawn with characters; and a page with pictures, questions and the rows that were left out.
-"""
+"""Records as they were understood, before anybody scores them."""
 
 from __future__ import annotations
 

@@ -130,10 +130,7 @@ def embedded_figure(figure: Figure) -> EmbeddedFigure:
 
 
 def _parted(text: str) -> tuple[str, str]:
-    """Return value and interval of "-0.5 [-0.6, -0.4]", or text and "".
-
-    Minus signs are as in print.
-    """
+    """Return value and interval of "-0.5 [-0.6, -0.4]" in print, or text and ""."""
     found = _ESTIMATE.fullmatch(text)
     return (found[1].replace("-", "−"), found[2].replace("-", "−")) if found else (text, "")
 
@@ -266,10 +263,7 @@ class Translation:
         return found
 
     def _phrase(self, words: str) -> str | None:
-        """Return words translated by a phrase, best with known places.
-
-        Else by the first phrase that fits.
-        """
+        """Return words translated by a phrase, best with known places."""
         if words in self._phrases:
             return self._phrases[words]
         fits: list[tuple[str, list[str]]] = []
@@ -346,10 +340,7 @@ PHONE_WIDTH = 6.0
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Return an empty figure of a size [in].
-
-    Pages have figures of two widths, for a desktop screen and a phone.
-    """
+    """Return an empty figure of a size [in]."""
     try:
         from matplotlib.figure import Figure  # an extra, and slow to import
     except ImportError as error:

@@ -1,7 +1,4 @@
-"""Pass marks as text, files for other programs, and a page.
-
-The page has figures: methods side by side, proficiency, raters, and the sources of validity.
-"""
+"""Pass marks as text, files for other programs, and a page."""
 
 from __future__ import annotations
 
@@ -116,10 +113,7 @@ def pass_mark_lines(setting: StandardSetting) -> list[str]:
 
 
 def write_people(path: Path, setting: StandardSetting) -> None:
-    """Write a CSV row for each metric and person, SI units.
-
-    With mean, passes, and the cut that reached the goal.
-    """
+    """Write a CSV row for each metric and person, in SI units."""
     heads = ["operator", "group", "metric", "unit", "mark", "mean"]
     rows: list[list[object]] = [[*heads, "passes", "cuts", "left", "longest_row", "reached_at"]]
     for standard in setting.standards:

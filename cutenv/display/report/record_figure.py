@@ -1,7 +1,4 @@
-"""Figures of one cut, and of a whole record.
-
-A cut is seen from the side above its force; a record has tare, cuts and flaws, for confirmation.
-"""
+"""Figures of one cut, and of a whole record."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Pages of a scored cut, and of a summary of many.
-
-Each is a self-contained file; that of a cut has its figure.
-"""
+"""Pages of a scored cut, and of a summary of many."""
 
 from __future__ import annotations
 
@@ -45,10 +42,7 @@ _POINTS = 3000  # points of a line: more than a figure has pixels
 
 
 def score_figure(trace: Trace, card: ScoreCard, target_length: float | None, width: float) -> Figure:
-    """Draw one cut with its card, against position or time.
-
-    Target length in metres, width in inches.
-    """
+    """Draw one cut with its card, against position or time; width [in]."""
     along = trace.position is not None
     deep = along and card.depth_map is not None
     steered = along and card.path_map is not None
@@ -212,10 +206,7 @@ class ScoredRecord:
 
 
 def write_score_page(path: Path, scored: ScoredRecord, *, language: str = "en") -> Path:
-    """Write the page of one cut, and its card as JSON.
-
-    Return the path of the JSON, in English, the page's with the suffix ``.json``.
-    """
+    """Write the page of one cut, and its card as JSON, whose path is returned."""
     card, trace = scored.card, scored.trace
     kind = "open" if card.overall_score is None else ("good" if card.overall_score >= 50.0 else "bad")
     if kind == "good" and (_SPOILS & {f.kind for f in card.faults} or any(n.startswith(DOUBT) for n in card.notes)):

@@ -1,7 +1,4 @@
-"""Study of people as text, as CSV of cards, as page.
-
-The page has figures: separation of groups, reliability of metrics, change from cut to cut.
-"""
+"""Study of people as text, as CSV of cards, as page with figures."""
 
 from __future__ import annotations
 
@@ -150,10 +147,7 @@ class CrossedConditions(NamedTuple):
 
 
 def crossed_conditions(study: Study) -> CrossedConditions | None:
-    """Return a crossover's table, None without two conditions.
-
-    A row is marked where the interval of the difference excludes 0.
-    """
+    """Return a crossover's table, marked where 0 is excluded; None without two conditions."""
     found = crossovers(study)
     conditions = tuple(sorted({cut.condition for cut in study.cuts if cut.condition}))
     if len(conditions) != 2:

@@ -1,7 +1,4 @@
-"""Sheet of each trainee of a study, and class list.
-
-A sheet is a page to print and hand out.
-"""
+"""Sheet of each trainee of a study, and class list, to print."""
 
 from __future__ import annotations
 
@@ -29,10 +26,7 @@ _FEWEST_OF_CLASS = 3  # people whose mean shows nobody
 def write_trainee_sheet(
     folder: Path, study: Study, operator: str, *, mark: float | None = None, language: str = "en"
 ) -> Path:
-    """Write a person's sheet: history, learning curve, what to try next.
-
-    Return its path: it is called after the person's code.
-    """
+    """Write a person's sheet, called after the code; return its path."""
     own = [cut for cut in study.cuts if cut.operator == operator]
     cards = [cut.card for cut in own]
     rest = mean_points([cut.card for cut in study.cuts])
@@ -68,10 +62,7 @@ def write_trainee_sheet(
 def write_class_list(
     folder: Path, study: Study, *, mark: float | None = None, language: str = "en"
 ) -> tuple[Path, Path]:
-    """Write the class list as ``class.html`` and ``class.csv`` into a folder.
-
-    The CSV is in English. Return the paths of page and table.
-    """
+    """Write ``class.html`` and ``class.csv``, in English, into a folder; return the paths."""
     rows = [_row(study, operator, mark) for operator in study.operators]
     page, table = folder / "class.html", folder / "class.csv"
     write_table(table, [list(rows[0]), *(list(row.values()) for row in rows)])
@@ -91,10 +82,7 @@ def write_class_list(
 
 
 def sheet_figure(study: Study, operator: str, mark: float | None, width: float) -> Figure:
-    """Draw one person's scores above class mean and mark.
-
-    Marks of successful cuts are filled.
-    """
+    """Draw one person's scores, success filled, above class mean and mark."""
     own = [cut.card for cut in study.cuts if cut.operator == operator]
     figure = new_figure(width, 2.6)
     axes = figure.subplots()
@@ -180,10 +168,7 @@ def _passes(study: Study, operator: str, scores: Sequence[float], mark: float | 
 
 
 def _proficiency(study: Study, operator: str, scores: Sequence[float], mark: float) -> Proficiency:
-    """Return a person's passes by the rounded scores on the page.
-
-    A cut that was left passes none.
-    """
+    """Return a person's passes by the rounded scores; a left cut passes none."""
     left = study.left_among(OVERALL).get(operator, ())
     return proficiency([whole_score(score) for score in scores], mark, better="higher", left=left)
 

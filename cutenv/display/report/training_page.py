@@ -1,7 +1,4 @@
-"""Page of a training run.
-
-The agent's results beside scripts, on specimens that it has never seen.
-"""
+"""Page of a training run: agent beside scripts, on held-out specimens."""
 
 from __future__ import annotations
 

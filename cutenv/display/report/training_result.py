@@ -1,7 +1,4 @@
-"""Result of a training run as plain, checked data.
-
-It is checked on construction, so that page and figures can rely on it.
-"""
+"""Result of a training run as plain data, checked on construction."""
 
 from __future__ import annotations
 
@@ -40,10 +37,7 @@ _CURE = "An interval needs two specimens or more; look for a NaN in the scores."
 
 @dataclass(frozen=True)
 class Score:
-    """Score as a column.
-
-    Its name in the data, its heading, unit and digits shown.
-    """
+    """Score as a column: name in the data, heading, unit, digits shown."""
 
     name: str
     heading: str
@@ -334,10 +328,7 @@ class TrainingResult:
 
 
 def _check_rows(name: str, rows: Rows, words: Sequence[str], numbers: Sequence[str]) -> None:
-    """Raise an error for missing, repeated or invalid rows.
-
-    Invalid are bad fields, and a mean outside its interval.
-    """
+    """Raise an error for missing, repeated or invalid rows."""
     if not rows:
         raise ValueError(f"{name} is empty; give its rows.")
     seen = set()
@@ -360,10 +351,7 @@ def _check_rows(name: str, rows: Rows, words: Sequence[str], numbers: Sequence[s
 
 
 def _check_whole(grid: Rows) -> None:
-    """Raise an error for missing or repeated grid cells.
-
-    A cell is a pair of speed and angle.
-    """
+    """Raise an error for missing or repeated grid cells."""
     pairs = [(row["speed_cm_s"], row["angle_deg"]) for row in grid]
     for speed in dict.fromkeys(speed for speed, _ in pairs):
         for angle in dict.fromkeys(angle for _, angle in pairs):

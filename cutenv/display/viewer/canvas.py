@@ -1,7 +1,4 @@
-"""Smooth lines, areas and text on a pygame surface.
-
-The only module that draws with pygame.
-"""
+"""Smooth lines, areas and text, the only drawing with pygame."""
 
 from __future__ import annotations
 
@@ -31,10 +28,7 @@ def import_pygame() -> ModuleType:
 
 
 class Canvas:
-    """Picture in memory; needs no display.
-
-    Sizes in px; colours are red, green, blue, 0 to 255.
-    """
+    """Picture in memory of a size [px]; needs no display."""
 
     def __init__(self, width: int, height: int, background: Colour) -> None:
         self._pygame: Any = import_pygame()

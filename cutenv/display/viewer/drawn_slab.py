@@ -1,7 +1,4 @@
-"""Specimen seen from above.
-
-A lattice that follows the displacement of the finite-element model.
-"""
+"""Specimen seen from above, as the finite-element model displaces it."""
 
 from __future__ import annotations
 

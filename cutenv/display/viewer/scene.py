@@ -1,7 +1,4 @@
-"""Content and layout of a picture of a cut.
-
-Numbers and geometry, without drawing.
-"""
+"""Content and layout of a picture of a cut, without drawing."""
 
 from __future__ import annotations
 

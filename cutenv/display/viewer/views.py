@@ -1,7 +1,4 @@
-"""Views of a cut.
-
-The scene's parts from above, from the side and in the chart on a canvas; words, numbers beside.
-"""
+"""Views of a cut on a canvas: parts, words, numbers."""
 
 from __future__ import annotations
 
@@ -106,10 +103,7 @@ def draw_from_above(sheet: Sheet, slab: Slab) -> None:
 
 
 def draw_from_the_side(sheet: Sheet, box: tuple[float, float]) -> None:
-    """Draw blade, target and the rest within ``box`` [px].
-
-    The box gives the upper and the right end.
-    """
+    """Draw blade, target and the rest between top and right end [px]."""
     sheet.canvas.clip(0, box[0], box[1], sheet.layout.blade_end + 1)
     draw_parts(sheet, "side")
     sheet.canvas.unclip()

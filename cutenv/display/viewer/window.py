@@ -1,7 +1,4 @@
-"""Window that shows pictures at a steady rate.
-
-In it is a cut: slab, blade, force, numbers and reward.
-"""
+"""Window that shows pictures at a steady rate, and a cut in it."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Data of a page that cuts: laws, numbers, specimens, scene and texts.
-
-Lengths, forces and times are in SI units; records of the law are base64.
-"""
+"""Data of a page that cuts: laws, numbers, specimens, scene, texts."""
 
 from __future__ import annotations
 
@@ -60,10 +57,7 @@ def law_of(task: str) -> bytes:
 
 
 def page_data(tasks: Sequence[str] = ("gentle",), tissue: TissueDescription | None = None) -> dict[str, Any]:
-    """Return a page's data on ``tasks`` regardless of specimen, in SI units.
-
-    Its specimens are of ``tissue``, by default the measured pig liver.
-    """
+    """Return a page's data on ``tasks`` and ``tissue``, regardless of specimen, in SI units."""
     tissue = tissue or measured_liver()
     kinds = {"reading": READING}
     for task in tasks:
@@ -125,12 +119,7 @@ def specimen_data(
     expert: str | None = None,
     tissue: str | Path | None = None,
 ) -> dict[str, Any]:
-    """Return a cut at its start: key and state records as base64.
-
-    The hidden truth is included. ``line`` is the kind of line of a cut along one; the key draws it by default.  With
-    ``expert``, one of the :func:`~cutenv.agents.policy.experts`, its way is there, too.  ``tissue`` is the file of
-    another tissue than the measured pig liver.
-    """
+    """Return a cut at its start: key, facts and state records as base64."""
     key: dict[str, Any] = {"specimen_class": specimen_class, "seed": seed, "episode": episode}
     of_task: dict[str, Any] = {} if line is None else {"line": line}
     cut = TASKS[task].hand(**key, **of_task, target_length=target_length, tissue=tissue)
@@ -153,10 +142,7 @@ def shared_part(task: str, slab: StructArray) -> StructArray:
 
 
 def layout(kind: np.dtype[Any]) -> dict[str, Any]:
-    """Return a structured dtype's size and field offsets [bytes].
-
-    Fields of parts are named "part.field".
-    """
+    """Return a structured dtype's size and field offsets, "part.field" [bytes]."""
     offsets: dict[str, int] = {}
     for name, (field, offset, *_) in (kind.fields or {}).items():
         offsets[name] = offset

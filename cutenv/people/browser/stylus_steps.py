@@ -1,7 +1,4 @@
-"""Milliseconds of a cut that a hand leads.
-
-One function for each task, compiled for Python and for the browser.
-"""
+"""Milliseconds of a cut that a hand leads, compiled for Python and browser."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""A cut that is watched again.
-
-Movements of its hand, by which the law repeats it, and an expert's way beside it.
-"""
+"""Movements by which the law repeats a cut, and an expert's way."""
 
 from __future__ import annotations
 
@@ -40,10 +37,7 @@ def in_runs(movements: Array) -> list[list[float]]:
 
 
 def from_runs(runs: Sequence[Sequence[float]]) -> Array:
-    """Return the movements, shape (n, k), that :func:`in_runs` has packed.
-
-    Raises ValueError if these are no runs.
-    """
+    """Return the movements, shape (n, k), of :func:`in_runs`; ValueError if damaged."""
     table = np.array(runs, np.float64)
     if table.ndim != 2 or table.shape[1] < 3 or not np.isfinite(table).all() or not (table[:, 0] >= 1.0).all():
         raise ValueError("the movements of this record are damaged.")
@@ -51,10 +45,7 @@ def from_runs(runs: Sequence[Sequence[float]]) -> Array:
 
 
 def way_of(readings: StructArray, further: Mapping[str, Array]) -> dict[str, list[float]]:
-    """Return a cut's times, places and forces, thinned to 50 Hz [SI].
-
-    Of ``further``, height of the blade or its places are taken, by field of a trace.
-    """
+    """Return times, places and forces, thinned to 50 Hz [SI], and known ``further`` fields."""
     time = readings["time"]
     moments = np.unique(np.append(np.searchsorted(time, np.arange(time[0], time[-1], _STEP)), len(time) - 1))
     columns = {name: readings[name] for name in _FIELDS}

@@ -173,11 +173,7 @@ class AccessTokens:
         self._tokens.pop((*platform.key, scope), None)
 
     def find(self, platform: Platform, scope: str) -> str:
-        """Return an access token of a platform for a scope.
-
-        Raises PlatformRefused for an error, PlatformUnreachable without a token, ValueError if the class's key cannot
-        be read.
-        """
+        """Return an access token of a platform for a scope, or raise PlatformUnreachable."""
         token, until = self._tokens.get((*platform.key, scope), ("", 0.0))
         if time.monotonic() < until:
             return token

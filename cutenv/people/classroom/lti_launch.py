@@ -124,10 +124,7 @@ class Launch:
         return _checked("deep_link_return_url", address, self.platform)
 
     def choices(self, key: ToolKey, launch_url: str, titles: Mapping[str, str], now: Any) -> dict[str, str]:
-        """Return signed answers by choice: a task, "" for the course.
-
-        The links lead to ``launch_url``, and have titles by task.
-        """
+        """Return signed answers, links with titles by task, "" for the course."""
         settings = _table(self.claims.get(f"{_DL}deep_linking_settings"))
         shared = {
             "iss": self.platform.client_id,
@@ -262,10 +259,7 @@ class LaunchDoor:
 
 
 def _derived(what: str, secret: str, platform: Platform) -> str:
-    """Return a launch's state or nonce, derived from the secret.
-
-    Neither reveals the secret or the other.
-    """
+    """Return a launch's state or nonce, which reveals neither secret nor the other."""
     return hashlib.sha256("\0".join((what, secret, *platform.key)).encode()).hexdigest()
 
 

@@ -36,10 +36,7 @@ class Learner(NamedTuple):
 
 
 class GradeRow(NamedTuple):
-    """Grade column of a person, and what was sent.
-
-    ``sent`` is None before the first, ``trouble`` "" without one.
-    """
+    """Grade column of a person, and what was ``sent``, None before the first."""
 
     code: str
     line_item: str

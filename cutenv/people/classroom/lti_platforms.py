@@ -175,10 +175,7 @@ class PlatformFile:
 
 
 def read_platforms(path: Path) -> tuple[Platform, ...]:
-    """Return the platforms of a file.
-
-    Raises OSError, TypeError or ValueError; the text names file, platform, field, value and cure.
-    """
+    """Return the platforms of a file; an error names file, field, value and cure."""
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:

@@ -110,10 +110,7 @@ _OVER = "This registration address has been used or is too old. Make a new one o
 
 
 def _content_of(described: Mapping[str, Any], url: str, *, local: bool) -> dict[str, Any]:
-    """Return the file content from a platform's configuration.
-
-    The platform may describe itself alone.
-    """
+    """Return the file content from the configuration of a platform itself."""
     issuer = checked_address("issuer", _text(described, "issuer"), local=local)
     if not url.startswith(f"{issuer.rstrip('/')}/"):
         raise RefusedRegistration(f"{url} cannot speak for the platform {issuer!r}. {_BY_HAND}")

@@ -12,10 +12,7 @@ from cutenv.people.classroom.lti_platforms import PLATFORMS_FILE, PlatformFile
 
 
 class LtiTool:
-    """The class as a tool of learning platforms.
-
-    The lesson's folder has the platforms' file and the key; the language is that of the comment on a grade.
-    """
+    """The class as a tool of learning platforms, in its language."""
 
     def __init__(self, lesson: Lesson, language: str = "en") -> None:
         folder = lesson.folder.parent

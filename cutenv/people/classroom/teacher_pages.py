@@ -48,10 +48,7 @@ _TICKET_LASTS = 60.0  # [s]
 
 
 class TeacherPages(Pages):
-    """Pages and answers for the teacher.
-
-    The ticket is that of :func:`~cutenv.people.classroom.class_server.class_app`.
-    """
+    """Pages and answers for the teacher."""
 
     def __init__(self, site: ClassSite, *, ticket: str | None = None, live: LiveRig | None = None) -> None:
         super().__init__(site)

@@ -41,10 +41,7 @@ FEEDBACK = {rule: course_words("en", rule) for rule in ("always", "above-limit",
 
 
 class ShownFeedback(NamedTuple):
-    """Parts of the feedback at one moment.
-
-    The present force, its trace, and after the cut the result.
-    """
+    """Feedback shown now: present force, its trace, result after the cut."""
 
     force: bool = True
     trace: bool = True
@@ -52,10 +49,7 @@ class ShownFeedback(NamedTuple):
 
 
 def shown_feedback(rule: str, *, ended: bool, costs: bool) -> ShownFeedback:
-    """Return what a rule of :data:`FEEDBACK` shows.
-
-    A force ``costs`` where it is so high that the reward charges it.
-    """
+    """Return what a rule of :data:`FEEDBACK` shows; a high force ``costs``."""
     after = ended and rule != "never"
     whole = rule == "always" or after
     return ShownFeedback(force=whole or (rule == "above-limit" and costs), trace=whole, result=after or not ended)
@@ -72,10 +66,7 @@ _MOST_SEED = 2**31 - 1
 
 @dataclass(frozen=True, kw_only=True)
 class MarkedMetric:
-    """Metric that a mark may limit.
-
-    Its name, the unit of the limit, and whether more is better.
-    """
+    """Metric that a mark may limit: name, unit of the limit, sense."""
 
     name: str
     unit: Unit
@@ -186,10 +177,7 @@ class Course:
 
 
 def named_course(given: str) -> Course:
-    """Read a course by file path, or by packaged name.
-
-    Raises ValueError if it is neither, or the file is no course, see :func:`read_course`.
-    """
+    """Read a course by file path or packaged name; ValueError if none."""
     if given in SHIPPED_COURSES:
         return read_course(SHIPPED_COURSES[given])
     if not Path(given).is_file():
@@ -217,10 +205,7 @@ def read_course(path: Path) -> Course:
 
 
 def course_of(content: Mapping[str, Any]) -> Course:
-    """Return the course of a file's content, by key.
-
-    Raises TypeError or ValueError as :func:`read_course`, without the file's name.
-    """
+    """Return the course of a file's content; errors as of :func:`read_course`."""
     _known_keys(content, ("name", "about", "demonstration", "warm_up", "task"))
     given = content.get("task")
     if not isinstance(given, list) or not given or not all(isinstance(each, dict) for each in given):

@@ -1,7 +1,4 @@
-"""Progress of one person through a course.
-
-Counted from the cuts that were made, and never kept beside them.
-"""
+"""Progress of a person through a course, counted from the cuts made."""
 
 from __future__ import annotations
 
@@ -23,10 +20,7 @@ GIVEN_UP = "given up"
 
 
 class CourseSpecimen(NamedTuple):
-    """Specimen of the next cut.
-
-    Class, seed, and target length [m], None if it is drawn.
-    """
+    """Class, seed, and target length [m] or None, of the next cut."""
 
     specimen_class: str
     seed: int
@@ -117,10 +111,7 @@ class CourseProgress:
         return facts | ({"crossover": True} if task.crossover else {})
 
     def add(self, card: ScoreCard, end: str, task: CourseTask | None = None) -> None:
-        """Count a cut of a task, and set :attr:`verdicts`.
-
-        The task is the present one by default.
-        """
+        """Count a cut of a task, by default the present; set :attr:`verdicts`."""
         task = self.task if task is None else task
         assert task is not None
         numbers = marked_numbers(card)

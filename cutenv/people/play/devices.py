@@ -171,10 +171,7 @@ class GamepadDevice(LedHand):
 
 
 class HandMotion(NamedTuple):
-    """Motion that a script demands.
-
-    Hand [m], angle [rad] and level [m] of the blade, place across [m], button held.
-    """
+    """Hand [m], angle [rad], level and place across [m], button held."""
 
     position: float
     angle: float

@@ -1,7 +1,4 @@
-"""Hand of a person who plays.
-
-Its wanted position becomes the speed command of the simulator's hand.
-"""
+"""Hand of a person: wanted position to speed command."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Devices of the command line by name.
-
-The emulated one is in a process of its own.
-"""
+"""Devices of the command line by name."""
 
 from __future__ import annotations
 

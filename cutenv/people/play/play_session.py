@@ -126,10 +126,7 @@ PlayPhase = Literal["ready", "countdown", "cutting", "ended"]
 
 @dataclass(frozen=True, kw_only=True)
 class ViewState:
-    """State of a session to be drawn at one moment.
-
-    Nothing in it changes afterwards.
-    """
+    """State of a session to be drawn; nothing in it changes."""
 
     phase: PlayPhase
     countdown: float
@@ -504,11 +501,7 @@ def _unused(folder: Path, name: str) -> Path:
 
 
 class ListenedSession:
-    """Follower of a session.
-
-    Call it after every advance, with what is new passed on to a listener. The clock [s] is that of the listener's
-    stamps.
-    """
+    """Follower of a session, called after every advance, by the listener's clock [s]."""
 
     def __init__(self, session: Session, listener: CutListener, clock: Callable[[], float] = time.monotonic) -> None:
         self._session, self._listener, self._clock = session, listener, clock

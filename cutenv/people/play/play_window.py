@@ -1,7 +1,4 @@
-"""Window in which a person cuts.
-
-Keys, pointers and gamepad in, pictures out, physics by the clock in between.
-"""
+"""Window in which a person cuts, by keys, pointers and gamepad."""
 
 from __future__ import annotations
 

@@ -37,10 +37,7 @@ _UPRIGHT = 0.5 * math.pi
 
 
 class HandleSample(NamedTuple):
-    """Report of a handle.
-
-    X, y, z [m] in its own axes, and the buttons held down ("next", "repeat").
-    """
+    """Place of a handle [m] in its own axes, and buttons held down."""
 
     position: tuple[float, float, float]
     buttons: frozenset[str] = frozenset()
@@ -68,10 +65,7 @@ class HandleLink(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class HandleAxes:
-    """Assignment of a handle's axes, reversed by a minus.
-
-    Raises ValueError if one is none of these, or two are the same.
-    """
+    """Assignment of a handle's axes, reversed by a minus, all different."""
 
     along: str = "x"  # leads the blade along the cut
     lean: str = "y"  # 20 mm from where the cut began incline it to 45 degrees
@@ -142,10 +136,7 @@ class PolledHandle:
         self._thread: threading.Thread | None = None
 
     def open(self) -> None:
-        """Connect at first; set the hand's place to the clamp.
-
-        Raises OSError if there is no device, it is not ready, or it sends nothing.
-        """
+        """Connect at first, and set the clamp; OSError without samples."""
         if self._thread is None:
             self._link.open()
             self._thread = threading.Thread(target=self._run, name="cutenv handle", daemon=True)
@@ -156,10 +147,7 @@ class PolledHandle:
         self._origin = self._sample()
 
     def read(self) -> Stylus:
-        """Return the newest sample as place, lean, level and buttons.
-
-        It does not wait, and raises OSError if the device is lost.
-        """
+        """Return the newest sample, without waiting; OSError if the device is lost."""
         sample, origin = self._sample(), self._origin
         if origin is None:
             raise OSError("the haptic device is not open.")

@@ -33,10 +33,7 @@ _TAKEN_BY = ("control_hz", "angle_mode", "fixed_angle_deg")
 
 @dataclass(frozen=True, kw_only=True)
 class SharingAgent:
-    """Agent that shares a cut.
-
-    Raises ValueError if it needs another task or another observation, or is shown the hidden state.
-    """
+    """Agent that shares a cut, by what a rig measures; ValueError for another."""
 
     name: str  # of the policy, for the record
     policy: Any  # of cutenv/GentleCut-v1: an observation to an action, with reset
@@ -181,10 +178,7 @@ class SharedCut(PlayedCut):
         )
 
     def _observed(self) -> NDArray[np.float32]:
-        """Return the agent's observation and begin the next.
-
-        Forces are those since its last one.
-        """
+        """Return the agent's observation, forces since its last one."""
         observation = self._observation.copy()
         folded = {"force_mean": self._sum / self._ticks, "force_min": self._least, "force_max": self._most}
         for name, value in folded.items():

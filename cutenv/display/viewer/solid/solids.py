@@ -241,20 +241,14 @@ class Surface:
 
 
 def grid_faces(rows: int, columns: int) -> Indices:
-    """Return a vertex grid's triangles, shape (2 (rows - 1) (columns - 1), 3).
-
-    Vertices are numbered row by row.
-    """
+    """Return triangles of vertices by row, shape (2 (rows - 1) (columns - 1), 3)."""
     number = np.arange(rows * columns).reshape(rows, columns)
     a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
     return np.concatenate([np.stack([a, b, c], axis=-1), np.stack([a, c, d], axis=-1)]).reshape(-1, 3)
 
 
 def swept(sections: Array) -> Surface:
-    """Return a closed skin around sections, with flat ends.
-
-    Each quadrangle has its own vertices. Sections are points [m] around each, shape (n_sections, n_points, 3).
-    """
+    """Return a closed skin around sections, shape (n_sections, n_points, 3) [m]."""
     around = np.concatenate([sections, sections[:, :1]], axis=1)
     quads = np.stack([around[:-1, :-1], around[1:, :-1], around[1:, 1:], around[:-1, 1:]], axis=-2).reshape(-1, 4, 3)
     parts = [_quads(quads)]
@@ -285,10 +279,7 @@ _HANDLE_THICKNESS = 0.0024  # [m]
 
 
 class ScalpelPose(NamedTuple):
-    """Scalpel's origin along and above the specimen [m], and angle [rad].
-
-    The height is above the lower face.
-    """
+    """Scalpel's origin along and above the specimen's lower face [m], and angle [rad]."""
 
     along: float
     height: float
@@ -384,10 +375,7 @@ _UP, _DOWN = 0, 1
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Skin:
-    """Surface or lines of the solid.
-
-    Its vertices as numbers of points, and 3 or 2 vertices for each part.
-    """
+    """Surface or lines of the solid: numbers of its points, and its parts."""
 
     points: Indices
     parts: Indices
@@ -444,10 +432,7 @@ class SlabSolid:
 
     @cached_property
     def cut_faces(self) -> Skin:
-        """Return both sides of the cut line, ordered from the clamp.
-
-        With height, only the far side.
-        """
+        """Return both sides of the cut line, with height the far one."""
         n = self._number
         if self.cut.height is None:
             return self._in_order([n[:, 0, -1, :], n[:, 1, 0, :]])
@@ -519,10 +504,7 @@ class SlabSolid:
         return np.concatenate(layers)
 
     def front(self, i: int) -> tuple[float, float]:
-        """Return the cut's end in upper and lower face [m].
-
-        That is of tissue at rest; with height 0 below.
-        """
+        """Return the cut's end at rest in upper and lower face [m]."""
         tip = float(self.cut.tip[i])
         if self.cut.height is not None:
             return tip, 0.0

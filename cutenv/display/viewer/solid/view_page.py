@@ -46,10 +46,7 @@ _PLANE: dict[str, Rgb] = {
 
 
 def commands(solid: SlabSolid) -> list[bytes]:
-    """Return commands for the scene's objects, at rest and origin.
-
-    The page moves them.
-    """
+    """Return commands for the scene's objects, at rest and origin."""
     stage = _Stage()
     for name, skin in solid.lattices.items():
         stage.surface(f"tissue/{name}", _of(solid, skin.points, skin.parts), coloured=True)
@@ -68,10 +65,7 @@ def commands(solid: SlabSolid) -> list[bytes]:
 
 
 def curved_commands(solid: CurvedSolid) -> list[bytes]:
-    """Return the commands for a slab with any cuts.
-
-    The page moves the scalpel only.
-    """
+    """Return the commands for a slab with any cuts."""
     stage = _Stage()
     for name in ("top", "bottom", "rim"):
         stage.surface(f"tissue/{name}", solid.skins[name], coloured=solid.colours(solid.skins[name]))
@@ -129,10 +123,7 @@ _WHITE = _Paint()
 
 
 class _Stage:
-    """Objects by path, each packed at once.
-
-    Named instead of meshcat's random ids, so that a page is repeatable.
-    """
+    """Objects by path, packed at once, named so that a page is repeatable."""
 
     def __init__(self) -> None:
         from meshcat import commands, geometry  # an extra, and slow to import
@@ -214,10 +205,7 @@ class _Stage:
 
 
 class _Key(str):
-    """Name of a property that is kept as written.
-
-    Meshcat calls ``lower()`` on it, which would break ``castShadow``.
-    """
+    """Name of a property that meshcat's ``lower()`` leaves as written."""
 
     def lower(self) -> str:
         return str(self)
