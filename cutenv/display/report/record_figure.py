@@ -39,10 +39,6 @@ def draw_cut(path: Path, cut: CutPicture, title: str) -> None:
     ----------
     path : Path
         Path of the picture; its suffix gives the format (.png).
-    cut : CutPicture
-        The cut.
-    title : str
-        Text above the picture.
 
     Raises
     ------

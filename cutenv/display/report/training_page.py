@@ -37,8 +37,6 @@ def write_training_page(path: Path, result: TrainingResult) -> None:
     ----------
     path : Path
         Path of the page (.html), in a folder that exists; an older one is replaced as a whole.
-    result : TrainingResult
-        Result to write.
 
     Raises
     ------

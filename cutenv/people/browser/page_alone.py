@@ -57,8 +57,6 @@ def write_page_alone(path: Path, **options: Any) -> int:
 
     Parameters
     ----------
-    path : Path
-        Page to write (.html).
     **options
         Those of :func:`page_alone`.
 
@@ -146,8 +144,6 @@ def write_scorm_package(path: Path, *, pass_mark: float | None = None, **options
 
     Parameters
     ----------
-    path : Path
-        Package to write (.zip).
     pass_mark : float, optional
         Overall score with which the page reports "passed", 0 to 100; without one it reports "completed".
     **options

@@ -263,10 +263,7 @@ class HandCut(HandLedCut):
     def trace(self, readings: StructArray, **metadata: object) -> Trace:
         """Return all readings of this cut as a rig's trace, shape (n,).
 
-        Raises
-        ------
-        ValueError
-            If there are fewer than two.
+        Raises ValueError if there are fewer than two.
         """
         trace = recorded_trace(readings, self.measured_depth, **metadata)
         channels = zip(self.channel_fields, self.channels.copy(), strict=True)

@@ -43,10 +43,7 @@ _SHOWN = (".html", ".csv", ".json")
 
 
 class StudiedRecord(NamedTuple):
-    """Record of an analysis: relative path, person and group, "" without groups.
-
-    A path of "" is a cut that was begun and left.
-    """
+    """Relative path of a record, "" of a cut that was left; person; group or ""."""
 
     record: str
     code: str
@@ -131,10 +128,7 @@ class Analyses:
             raise LookupError("There is no such study; it is gone when the server ends. Make it again.") from None
 
     def start(self, kind: str, title: str, rows: Sequence[StudiedRecord], options: Sequence[str] = ()) -> Analysis:
-        """Begin an analysis, or line it up behind the present one.
-
-        Rows are in the order in which each person's records were made.
-        """
+        """Begin an analysis of ordered rows, or line it up behind the present one."""
         self._sweep()
         made = Analysis(
             kind=kind,

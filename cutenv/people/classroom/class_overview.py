@@ -72,10 +72,7 @@ def score_curve(people: Sequence[Scores], *, mark: float | None = None, label: s
 
 
 def overview(lesson: Lesson, language: str) -> dict[str, Any]:
-    """Return the class list's content in a language: people, curves, pass marks.
-
-    A class of one mark has it in its curve.
-    """
+    """Return the class list's content in a language: people, curves, pass marks."""
     marks, places = marks_in_force(lesson), lesson.store.places()
     rows = [_shown(lesson, language, marks, places.get(each.code, Place()), each) for each in people_of(lesson)]
     score_word = texts_by_key(language)["score"]

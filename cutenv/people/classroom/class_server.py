@@ -128,10 +128,7 @@ class FolderClaim:
 
 
 class PatientProtocol(H11Protocol):
-    """HTTP/1.1 of uvicorn that closes slow or too numerous connections.
-
-    A header must come in time, and an address has only so many connections.
-    """
+    """HTTP/1.1 of uvicorn that closes slow or too numerous connections."""
 
     _of_address: ClassVar[defaultdict[str, dict[PatientProtocol, None]]] = defaultdict(dict)  # in order
 

@@ -230,10 +230,7 @@ class ClassStore:
     def add_code(self, code: str) -> bool:
         """Add a custom code; return False if it exists.
 
-        Raises
-        ------
-        TypeError, ValueError
-            If it may identify a person.
+        Raises TypeError or ValueError if it may identify a person.
         """
         check_operator(code)
         try:
@@ -256,10 +253,7 @@ class ClassStore:
         self.run(update(PEOPLE).where(PEOPLE.c.code == code).values(consented=self._now()))
 
     def delete(self, code: str) -> bool:
-        """Delete a person's code, sessions and cuts, but no records.
-
-        Return False if there was no such person.
-        """
+        """Delete a person's code, sessions and cuts, but no records; False if unknown."""
         tables = (CUTS, CLASS_PLACES, COMMENTS, SESSIONS, PEOPLE)
         return self.knows(code) and self.run(*(delete(table).where(table.c.code == code) for table in tables)) > 0
 
@@ -279,10 +273,7 @@ class ClassStore:
     ) -> None:
         """Set people's class, group and course; None keeps, "" removes.
 
-        Raises
-        ------
-        ValueError
-            If a name is not 1 to 32 letters, digits and blanks, beginning with a letter or digit.
+        Raises ValueError if a name is not 1 to 32 letters, digits and blanks, beginning with a letter or digit.
         """
         for what, name in (("class", class_name), ("group", group), ("course", course)):
             if name and not PLACE_NAME.fullmatch(name):
@@ -306,12 +297,7 @@ class ClassStore:
     def comment(self, code: str, said: str) -> None:
         """Keep a comment of the teacher to a person.
 
-        Raises
-        ------
-        LookupError
-            If there is no such person.
-        ValueError
-            If it is empty, or longer than 500 characters.
+        Raises LookupError if there is no such person. Raises ValueError if it is empty, or longer than 500 characters.
         """
         if not self.knows(code):
             raise LookupError("There is no such code.")
@@ -340,10 +326,7 @@ class ClassStore:
     def set_pass_mark(self, course: str, mark: float | None, source: str = "") -> None:
         """Set a course's pass mark of the overall score; None withdraws it.
 
-        Raises
-        ------
-        ValueError
-            If it is outside 0 to 100.
+        Raises ValueError if it is outside 0 to 100.
         """
         if mark is not None:
             in_range("mark", mark, 0.0, 100.0, "1", "Give an overall score, such as 60.")
@@ -356,10 +339,7 @@ class ClassStore:
     # Sessions
 
     def sign_in(self, code: str) -> str:
-        """Return a new token for a person or :func:`teacher_of` a server.
-
-        Only its hash is stored.
-        """
+        """Return a new token, stored as hash, for a person or :func:`teacher_of` a server."""
         token, now = secrets.token_urlsafe(32), self.clock()
         values = {"expires": written(now + _SESSION), "seen": written(now)}
         self.run(
@@ -461,10 +441,7 @@ class ClassStore:
     def cut(self, number: str, code: str) -> HandedOutCut:
         """Return a person's own cut.
 
-        Raises
-        ------
-        LookupError
-            If the person has no such cut.
+        Raises LookupError if the person has no such cut.
         """
         for cut in self._found(CUTS.c.id == number, CUTS.c.code == code):
             return cut
@@ -473,13 +450,9 @@ class ClassStore:
     def finish(self, number: str, end: CutEnd, *, keep: Callable[[], None] = lambda: None) -> bool:
         """Note how a cut ended.
 
-        Return False, and change nothing, if it is not open, perhaps by another server.  ``keep`` is called otherwise,
-        while no other server can note an end: it puts the record in its place.
-
-        Raises
-        ------
-        SeenMovements
-            If its movements are those of a saved cut in the class; nothing is changed.
+        Return False, and change nothing, if it is not open, perhaps by another server. ``keep`` is called otherwise,
+        while no other server can note an end: it puts the record in its place. Raises SeenMovements if its movements
+        are those of a saved cut in the class; nothing is changed.
         """
         goes_on = (CUTS.c.id == number) & CUTS.c.state.in_(OPEN)
         with self.engine.begin() as connection:
@@ -501,10 +474,7 @@ class ClassStore:
     def set_example(self, number: str, code: str, shown: bool) -> None:
         """Mark or unmark a saved cut as its specimen's example in its task.
 
-        Raises
-        ------
-        LookupError
-            If the person has no such saved cut.
+        Raises LookupError if the person has no such saved cut.
         """
         cut = self.cut(number, code)
         if cut.state != SAVED:
@@ -540,10 +510,7 @@ class ClassStore:
     def fill(self, content: dict[str, list[dict[str, Any]]]) -> None:
         """Fill an empty database from :meth:`content`.
 
-        Raises
-        ------
-        ValueError
-            If it is not empty.
+        Raises ValueError if it is not empty.
         """
         with self.engine.begin() as connection:
             if connection.execute(select(PEOPLE.c.code)).first() is not None:

@@ -147,10 +147,7 @@ def _plain(value: Any) -> Any:
 
 
 def _content_of(form: FormData) -> dict[str, Any]:
-    """Return a form as course file content; invalid numbers stay text.
-
-    They are refused later.
-    """
+    """Return a form as course file content; invalid numbers stay text, refused later."""
     tasks = []
     for k in range(_MOST_TASKS):
         given = {name: text_of(form, f"{k}-{name}").strip() for name in ("name", "place", "task", "line", *_TEXTS)}

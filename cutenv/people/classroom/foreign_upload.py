@@ -99,10 +99,7 @@ class Upload:
 
 
 def picked_map(form: Mapping[str, str]) -> ColumnMap:
-    """Return the mapping of a form's fields such as ``force`` and ``force_unit``.
-
-    Raises ValueError if it is no mapping.
-    """
+    """Return the mapping of fields such as ``force`` and ``force_unit``, or ValueError."""
     given: dict[str, str] = {}
     for field in PICKED:
         columns = [f"#{column}" for name in (field, f"{field}_y", f"{field}_z") if (column := form.get(name, ""))]
@@ -140,10 +137,7 @@ def _number(name: str, text: str) -> float:
 
 
 class Uploads:
-    """Folder of uploads that wait for columns to be named.
-
-    The oldest of too many goes.
-    """
+    """Uploads that wait for columns to be named; the oldest of too many goes."""
 
     def __init__(self) -> None:
         self._staged: dict[str, tuple[Upload, Path]] = {}

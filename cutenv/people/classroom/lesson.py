@@ -1,7 +1,4 @@
-"""One class at work: hands out specimens, and keeps confirmed cuts.
-
-Every cut is repeated by the server's own law.
-"""
+"""One class at work: hands out specimens, and keeps cuts that its law confirms."""
 
 from __future__ import annotations
 
@@ -227,10 +224,7 @@ class Lesson:
         self.store.put(codes, **places)
 
     def drop_course(self, key: str) -> None:
-        """Delete a further course; "" restores the starting one.
-
-        Its people go on in the class's course.
-        """
+        """Delete a further course, whose people go on in the class's; "" restores the starting one."""
         if key:
             self.store.put([code for code, place in self.store.places().items() if place.course == key], course="")
         self.courses.drop(key)
@@ -283,12 +277,8 @@ class Lesson:
     def begin(self, code: str) -> dict[str, Any]:
         """Hand out the next cut as page data.
 
-        If the course is done, it has ``ahead`` and ``done`` only.
-
-        Raises
-        ------
-        OSError
-            If it is not known how far the person is, because a record cannot be read now.
+        If the course is done, it has ``ahead`` and ``done`` only. Raises OSError if it is not known how far the person
+        is, because a record cannot be read now.
         """
         with self.lock(code):
             cut = self.store.hand_out(code, lambda cuts: self._next(code, cuts))
@@ -482,14 +472,8 @@ class Lesson:
         """Return a saved cut for replay: specimen, movements and expert's way.
 
         The expert is a cut of the same specimen that the teacher has chosen, "example", or else the one that the task
-        names, the "planner" or an "agent".
-
-        Raises
-        ------
-        LookupError
-            If there is no such cut, it has no movements, or its task hides the force.
-        OSError, ValueError
-            If its record cannot be read.
+        names, the "planner" or an "agent". Raises LookupError if there is no such cut, it has no movements, or its task
+        hides the force. Raises OSError or ValueError if its record cannot be read.
         """
         cut = self.store.cut(number, code)
         task = self._task_once(code, cut)
@@ -549,10 +533,7 @@ class Lesson:
         return tuple(dict.fromkeys(found if self.course is not None else ["gentle", *found]))
 
     def _task(self, code: str, cut: HandedOutCut) -> CourseTask | None:
-        """Return the task a cut was handed out for, or None.
-
-        Without a course it is gentle cutting.
-        """
+        """Return the task a cut was handed out for, gentle without a course, or None."""
         return self._task_in(self.course_of(code), code, cut)
 
     def _task_in(self, course: Course | None, code: str, cut: HandedOutCut) -> CourseTask | None:
@@ -674,10 +655,7 @@ class Lesson:
         return "\n".join(rows) + "\n"
 
     def records(self, code: str | None = None) -> bytes:
-        """Return records of one person or all as ZIP of CSV files.
-
-        It includes the table of the cuts.
-        """
+        """Return records of one person or all, with their table, as ZIP of CSV files."""
         packed = io.BytesIO()
         with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
             for cut in self.store.cuts(code):

@@ -42,10 +42,7 @@ class BadToken(ValueError):
 
 
 class ToolKey:
-    """Signing key pair of the class, made and filed at first use.
-
-    The file is for its own account alone.
-    """
+    """Signing key pair of the class, made at first use and filed for its account alone."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

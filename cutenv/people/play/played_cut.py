@@ -264,10 +264,7 @@ class PlayedCut(HandLedCut):
     def trace(self, **metadata: object) -> Trace:
         """Return the trace that a rig would have recorded.
 
-        Raises
-        ------
-        ValueError
-            If there are fewer than two readings.
+        Raises ValueError if there are fewer than two readings.
         """
         noted = {"target_length_m": self.target_length, TIP_AT_END: round(float(self.readings["tip"][-1]), 6)}
         trace = to_trace(self.plant, self.readings, **noted, **self._noted(), **metadata)

@@ -230,9 +230,6 @@ def write_view(path: Path, cut: ShownCut, *, colour: str = "displacement") -> in
 
     Parameters
     ----------
-    path : Path
-        Path of the page (.html).
-    cut : ShownCut
     colour : {"displacement", "energy"}
         Quantity that the tissue's colour shows.
 
@@ -378,13 +375,6 @@ def _rounded(values: Array, digits: int) -> Any:
 
 def write_curved_view(path: Path, cut: CurvedCut) -> int:
     """Write the page of a slab along a curve atomically.
-
-    Parameters
-    ----------
-    path : Path
-        Path of the page (.html).
-    cut : CurvedCut
-        Slab that was cut.
 
     Returns
     -------
