@@ -23,20 +23,13 @@ from scripts.validation.classroom import page_in_browsers
 pytest.importorskip("jinja2", reason="pages are an extra: pip install 'cutenv[view]'")
 
 from cutenv.commands import single_page
-from cutenv.people.browser import HandCut, write_page_alone
+from cutenv.people.browser import HandCut
 from cutenv.people.browser.page_alone import scoring_data
 from cutenv.people.browser.page_data import specimen_data
 from cutenv.people.browser.watched_cut import from_runs
 from cutenv.records import load
 from cutenv.records.scoring import score
 from cutenv.sim.plant.protocol import recorded_trace
-
-
-@pytest.fixture(scope="module")
-def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("page") / "cut.html"
-    write_page_alone(path, count=1)
-    return path
 
 
 def hands(seed: int, count: int) -> list[list[float]]:
@@ -172,18 +165,7 @@ def test_where_a_limit_stopped_the_cut_is_marked(page: Browser) -> None:
     assert page.value("cutenvPage.page.cut.end") in ("force_limit", "overshoot")
 
 
-def test_a_finger_leads_the_hand_and_giving_up_keeps_the_record(page: Browser) -> None:
-    x, y = start(page)
-    page.stroke([(x + 3 * step, y) for step in range(40)])
-    assert page.value("cutenvPage.stylus.position") > 0.0
-    wait(page, "cutenvPage.page.cut.count > 100 && cutenvPage.page.cut.hand > 0")
-    give_up(page)
-    assert page.value("cutenvPage.page.cut.end") == "given up"
-    assert page.value("document.getElementById('save').disabled") is False
-    assert '"end":"given up"' in page.value("cutenvPage.page.cut.csv('', true)")
-
-
-def test_keys_alone_start_move_and_tilt(page: Browser) -> None:
+def test_keys_alone_start_move_tilt_and_give_up_which_keeps_the_record(page: Browser) -> None:
     page.value("document.getElementById('picture').focus()")
     page.press(" ")
     page.release(" ")
@@ -200,6 +182,8 @@ def test_keys_alone_start_move_and_tilt(page: Browser) -> None:
     assert page.value("document.activeElement.id") == "stop"
     give_up(page)
     assert page.value("document.activeElement.id") == "card", "the card is read out, and Tab goes on from there"
+    assert page.value("document.getElementById('save').disabled") is False
+    assert '"end":"given up"' in page.value("cutenvPage.page.cut.csv('', true)")
 
 
 def test_a_gamepad_moves_and_tilts(page: Browser) -> None:

@@ -13,10 +13,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-pytest.importorskip("starlette", reason="the server is an extra: pip install 'cutenv[serve]'")
-pytest.importorskip("httpx2", reason="asks the server in its tests: pip install 'cutenv[dev]'")
-
 from class_room import CLOCK, Room, begun, cut_once, hand
 from starlette.testclient import TestClient
 

@@ -13,8 +13,6 @@ from typing import Any
 
 import pytest
 
-pytest.importorskip("starlette", reason="the server is an extra: pip install 'cutenv[serve]'")
-pytest.importorskip("httpx2", reason="asks the server in its tests: pip install 'cutenv[dev]'")
 pytest.importorskip(
     "ralph.models.xapi.base.statements", reason="xAPI's rules by others, of the tests: pip install 'cutenv[dev]'"
 )

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from played import TARGET, Pushing, begun, run, session, whole
-from played_window import FRAME, FakeClock, begin, post, press, show
+from played_window import FRAME, FakeClock, begin, post, press, pygame, show
 
 from cutenv.commands import cli
 from cutenv.display.viewer import palette
@@ -24,9 +24,6 @@ from cutenv.people.play.play_window import PlayWindow
 from cutenv.records import load_one
 from cutenv.records.scoring import TechniqueFault
 from cutenv.sim.tissue import measured_liver
-
-pygame = pytest.importorskip("pygame", reason='playing is an extra: pip install "cutenv[play]"')
-pytest.importorskip("pymunk", reason='playing is an extra: pip install "cutenv[play]"')
 
 
 def test_space_begins_the_mouse_leads_the_hand_and_the_wheel_leans_the_blade(window: PlayWindow) -> None:
