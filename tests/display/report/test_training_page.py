@@ -40,11 +40,15 @@ def printed(row: Mapping[str, Any], factor: float, digits: int, share: bool) -> 
     return re.sub(r"-(?=0(\.0+)?(?![\d.]))", "", text).replace("-", "\u2212")
 
 
-def check_comparison_shows(document: str, shown: TrainingResult) -> None:
-    """Every policy has a row with all of its scores, and the best return comes first."""
-    rows = Page(document).rows
+def test_every_policy_stands_in_the_comparison_with_its_scores_the_best_first(document: str) -> None:
+    rows, shown = Page(document).rows, result()
     names = [row[0] for row in rows[1 : 1 + len(shown.policies)]]
-    assert [name.split("  ")[0] for name in names] == sorted(names, key=lambda name: -_return_of(name, shown))
+
+    def best(name: str) -> float:
+        policy = next(policy for policy in shown.policies if name.startswith(policy))
+        return -float(shown.score(policy, "return")["mean"])
+
+    assert [name.split("  ")[0] for name in names] == sorted(names, key=best)
     for policy in shown.policies:
         row = next(row for row in rows[1:] if row[0].startswith(policy))
         expected = [
@@ -52,15 +56,6 @@ def check_comparison_shows(document: str, shown: TrainingResult) -> None:
             for column in COLUMNS
         ]
         assert row[1:] == expected, policy
-
-
-def _return_of(name: str, shown: TrainingResult) -> float:
-    policy = next(policy for policy in shown.policies if name.startswith(policy))
-    return float(shown.score(policy, "return")["mean"])
-
-
-def test_every_policy_stands_in_the_comparison_with_its_scores_the_best_first(document: str) -> None:
-    check_comparison_shows(document, result())
 
 
 def test_agent_best_script_and_bound_are_marked(document: str) -> None:
@@ -248,23 +243,16 @@ def renamed(name: str) -> TrainingResult:
     )
 
 
-def check_only_own_markup(document: str) -> None:
-    """No element that the page does not need, and no attribute that runs anything."""
-    for name, attributes in Page(document).elements:
+def test_text_from_data_is_shown_and_never_run(tmp_path: Path) -> None:
+    page = Page(written(tmp_path, renamed(ODD)))
+    for name, attributes in page.elements:
         assert name not in ("script", "link", "iframe", "object", "embed", "base", "form")
         assert not any(attribute.startswith("on") for attribute in attributes)
-
-
-def test_text_from_data_is_shown_and_never_run(tmp_path: Path) -> None:
-    document = written(tmp_path, renamed(ODD))
-    check_only_own_markup(document)
-    page = Page(document)
     assert page.text.count(ODD) >= 8
     assert any(ODD in attributes.get("alt", "") for _, attributes in page.elements)
 
 
-def check_fetches_nothing(document: str) -> None:
-    """Addresses are of the page's own sections or hold their data; the browser is told to fetch nothing."""
+def test_the_page_fetches_nothing(document: str) -> None:
     page = Page(document)
     assert page.addresses()
     for address in page.addresses():
@@ -274,10 +262,6 @@ def check_fetches_nothing(document: str) -> None:
     assert policies == ["default-src 'none'; img-src data:; style-src 'unsafe-inline'"]
     keys = {attributes["id"] for _, attributes in page.elements if "id" in attributes}
     assert {address[1:] for address in page.addresses() if address.startswith("#")} <= keys
-
-
-def test_the_page_fetches_nothing(document: str) -> None:
-    check_fetches_nothing(document)
 
 
 def test_long_sawing_cuts_stay_below_3_MB(tmp_path: Path) -> None:
@@ -326,6 +310,7 @@ SUMMARY, DIFFERENCE, GRID, CURVE = made_up.summary(), made_up.differences(), mad
             {"summary": without(SUMMARY, policy=BOUND, score="reward_jump")},
             "no score 'reward_jump' for policy 'planner",
         ),
+        ({"differences": without(DIFFERENCE, baseline=OTHER), "rival_script": OTHER}, f"{OTHER!r}, the rival_script"),
         ({"differences": without(DIFFERENCE, baseline=SCRIPT)}, "no row of score 'return' with baseline 'fast-then-sl"),
         ({"differences": changed(DIFFERENCE, 0, policy=BOUND)}, r"differences\[0\].policy must be one of 'PPO'"),
         ({"differences": changed(DIFFERENCE, 1, score="time_s")}, r"differences\[1\].score must be one of 'return'"),
