@@ -120,7 +120,6 @@ def overlay_figure(shown: Sequence[tuple[MeasuredCut, LeftOutCut]], model: CutMo
 
 
 def _shortened(text: str, letters: int) -> str:
-    """Return text shortened to so many letters, with an ellipsis."""
     return text if len(text) <= letters else f"{text[: letters - 1]}…"
 
 

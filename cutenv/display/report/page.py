@@ -311,7 +311,6 @@ def _translation(language: str) -> Translation:
 
 
 def _bold(text: str) -> str:
-    """Return a text with private characters for its bold tags."""
     return text.replace("<b>", _BOLD[0]).replace("</b>", _BOLD[1])
 
 

@@ -460,7 +460,6 @@ def _warnings(standard: Standard) -> list[str]:
 
 
 def _who_reaches(setting: StandardSetting, standard: Standard) -> str:
-    """Return how many people of each group are proficient."""
     groups = dict.fromkeys(setting.group_of[each] for each in standard.series)
     parts = []
     for group in groups:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -131,7 +131,6 @@ def thinned(x: Array, y: Array, points: int = _POINTS) -> tuple[Array, Array]:
 
 
 def _set_scales(trace: Axes, motion: Axes, cuts: Sequence[StructArray], target_mm: float) -> None:
-    """Set the axes to cover all of the cuts."""
     low, high = _extremes(cuts, "force")
     trace.set_ylim(min(-0.5, 1.1 * low), 1.25 * high + 0.2)
     low, high = (100.0 * value for value in _extremes(cuts, "speed"))
@@ -141,7 +140,6 @@ def _set_scales(trace: Axes, motion: Axes, cuts: Sequence[StructArray], target_m
 
 
 def _extremes(cuts: Sequence[StructArray], name: str) -> tuple[float, float]:
-    """Return least and greatest reading of a field over cuts."""
     return min(float(cut[name].min()) for cut in cuts), max(float(cut[name].max()) for cut in cuts)
 
 
@@ -157,7 +155,6 @@ def _draw_force(axes: Axes, readings: StructArray, depth: Array, force_limit_per
 
 
 def _draw_motion(axes: Axes, readings: StructArray) -> None:
-    """Draw speed and angle over the blade's position."""
     blade_mm = 1e3 * readings["position"]
     axes.plot(*thinned(blade_mm, 100.0 * readings["speed"]), color="black", linewidth=0.8)
     axes.set_ylabel("speed [cm/s]")
@@ -168,7 +165,6 @@ def _draw_motion(axes: Axes, readings: StructArray) -> None:
 
 
 def _draw_side(axes: Axes, readings: StructArray, depth: Array) -> None:
-    """Draw the slab, cut, uncontrolled parts and blade from the side."""
     along_mm = 1e3 * np.arange(len(depth)) * SPACING
     depth_mm = 1e3 * depth
     tip_mm = 1e3 * float(readings["tip"][-1])
@@ -304,17 +300,15 @@ def _mark_cuts(axes: Axes, record: Trace, cuts: Sequence[slice]) -> None:
 
 def _number_cuts(axes: Axes, record: Trace, cuts: Sequence[slice]) -> None:
     for number, cut in enumerate(cuts, 1):
-        time = record.time[cut]
-        axes.text(
-            0.5 * (time[0] + time[-1]),
-            0.985,
-            str(number) if len(cuts) > _CROWDED else f"cut {number}\n{time[0]:.2f} to {time[-1]:.2f} s",
-            transform=axes.get_xaxis_transform(),
-            ha="center",
-            va="top",
-            fontsize=8,
-            color="#00573f",
-        )
+        first, last = record.time[cut][[0, -1]].tolist()
+        words = str(number) if len(cuts) > _CROWDED else f"cut {number}\n{first:.2f} to {last:.2f} s"
+        _write(axes, 0.5 * (first + last), 0.985, words, "#00573f", va="top")
+
+
+def _write(axes: Axes, time: float, height: float, words: str, colour: str, va: str = "baseline") -> None:
+    """Write words at a time [s] and a share of the picture's height."""
+    across = axes.get_xaxis_transform()
+    axes.text(time, height, words, transform=across, ha="center", va=va, fontsize=8, color=colour)
 
 
 def _mark_flaws(axes: Axes, record: Trace, part: slice, found: Sequence[QualityIssue]) -> None:
@@ -337,27 +331,12 @@ def _name_flaws(axes: Axes, record: Trace, part: slice, found: Sequence[QualityI
     """Label flaws below the picture, stacked where they would overlap."""
     for number, flaw in enumerate(found):
         first, last = (float(record.time[part][row]) for row in flaw.rows)
-        axes.text(
-            0.5 * (first + last),
-            0.02 + 0.05 * (number % 3),
-            flaw.kind,
-            transform=axes.get_xaxis_transform(),
-            ha="center",
-            fontsize=8,
-            color="#8c3d00",
-        )
+        _write(axes, 0.5 * (first + last), 0.02 + 0.05 * (number % 3), flaw.kind, "#8c3d00")
 
 
 def _legend(axes: Axes) -> None:
     """Add a legend with one entry a kind, above the picture."""
     handles, names = axes.get_legend_handles_labels()
     kinds = dict(zip(names, handles, strict=True))
-    axes.legend(
-        kinds.values(),
-        kinds.keys(),
-        loc="lower center",
-        bbox_to_anchor=(0.5, 1.0),
-        ncols=min(6, len(kinds)),
-        fontsize=8,
-        frameon=False,
-    )
+    place: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": min(6, len(kinds))}
+    axes.legend(kinds.values(), kinds.keys(), **place, fontsize=8, frameon=False)

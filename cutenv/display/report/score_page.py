@@ -95,7 +95,6 @@ def _draw_depth(axes: Axes, found: DepthMap) -> None:
 
 
 def _draw_path(axes: Axes, found: PathMap) -> None:
-    """Draw a cut's distance to its line, with the success limit."""
     x = 100.0 * SPACING * np.arange(len(found.aside))
     axes.axhline(0.0, color=_TARGET, linewidth=1.2, linestyle="--", label="line")
     axes.plot(x, 1e3 * found.aside, color=_SPEED, linewidth=1.4, label="cut, left of the line")
@@ -276,7 +275,6 @@ def write_summary(
 
 
 def _mean(cards: Sequence[ScoreCard], name: str) -> str:
-    """Return the mean of a metric as shown, where available."""
     values = [value for card in cards if (value := card.metrics[name].value) is not None]
     return _digits(shown_unit(cards[0].unit(name)).from_si(sum(values) / len(values))) if values else ""
 

@@ -458,6 +458,8 @@ def _quantity(found: Findings) -> str:
     return label(spoken(found.metric)) + (f" [{unit}]" if unit else "")
 
 
+_TABLES = (heading_of, means_table, separation_table, reliability_table, people_table)
+_FIGURES = (groups_figure, learning_figure, reliability_figure)
 _BETTER = {"lower": "less is better", "higher": "more is better", "none": "neither way is better"}
 
 
@@ -479,16 +481,8 @@ def write_study(
     write_page(
         path,
         "study.html",
-        *(
-            heading_of,
-            means_table,
-            separation_table,
-            reliability_table,
-            people_table,
-            groups_figure,
-            learning_figure,
-            reliability_figure,
-        ),
+        *_TABLES,
+        *_FIGURES,
         language=language,
         study=study,
         subtitle=f"{cuts} of {people}{by}. {DISCLAIMER}",
@@ -628,5 +622,4 @@ def _meaning(found: Findings) -> str:
 
 
 def _interval(each: Estimate) -> str:
-    """Return an estimate within a sentence."""
     return correlation_text(each).replace("[", "(").replace(",", " to").replace("]", ")")

@@ -174,7 +174,6 @@ def _proficiency(study: Study, operator: str, scores: Sequence[float], mark: flo
 
 
 def _row(study: Study, operator: str, mark: float | None) -> dict[str, Any]:
-    """Return a person's class-list row: text by heading."""
     cards = [cut.card for cut in study.cuts if cut.operator == operator]
     scores = [card.overall_score for card in cards if card.overall_score is not None]
     row: dict[str, Any] = {study.who: operator}

@@ -459,7 +459,6 @@ def curve_figure(curve: Sequence[Mapping[str, float]], chosen_at: int | None, wi
 
 
 def _column(curve: Sequence[Mapping[str, float]], name: str) -> tuple[list[float], list[float]]:
-    """Return decisions and values of a column without gaps."""
     rows = [row for row in curve if math.isfinite(row.get(name, math.nan))]
     return [row["decisions"] for row in rows], [row[name] for row in rows]
 

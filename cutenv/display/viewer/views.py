@@ -375,5 +375,4 @@ def draw_legend(canvas: Canvas, layout: Layout) -> None:
 
 
 def _rounded(value: float, digits: int) -> float:
-    """Return a rounded value, with a zero without a sign."""
     return round(value, digits) + 0.0

@@ -68,7 +68,6 @@ class Window:
         self.open, self.full_screen = True, False
 
     def _size(self) -> tuple[int, int]:
-        """Return the size at which the window opens [px]."""
         width, height = self._picture
         across, down = self._pygame.display.get_desktop_sizes()[0]
         factor = min(across / width, down / height)
@@ -223,7 +222,6 @@ class CutViewer:
         return canvas.picture()
 
     def _draw_standing(self, moment: Moment) -> Canvas:
-        """Draw what is constant during a cut, without force."""
         layout, model = self.layout, self._slab.model
         canvas = Canvas(layout.width, layout.height, palette.PAPER)
         views.draw_clamp(canvas, layout, model.width)

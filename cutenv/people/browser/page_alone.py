@@ -36,18 +36,8 @@ OFFERED_LINES = ("arc", "s", "excision", "random")
 """Kinds of lines that a page offers by default."""
 _PAGE = "cut.html"  # name of the page in a package
 _DATE = (2000, 1, 1, 0, 0, 0)  # of every file there, so that the same page gives the same package
-_POINTS = (
-    "map_points",
-    "map_cost",
-    "map_missed",
-    "charged",
-    "of_part",
-    "per",
-    "halved",
-    "missed",
-    "beyond_limit",
-    "deadline",
-)
+_MAP_POINTS = ("map_points", "map_cost", "map_missed")
+_POINTS = (*_MAP_POINTS, "charged", "of_part", "per", "halved", "missed", "beyond_limit", "deadline")
 _LIMITS = ("close", "overshoot_allowed", "layer_limit", "line_limit", "force_limit_per_depth", "shallowest")
 _CHARGED = ("force_allowed", "lag_allowed", "lag_charged")
 

@@ -116,7 +116,6 @@ def _content(course: Course) -> dict[str, Any]:
 
 
 def _metrics(language: str) -> dict[str, str]:
-    """Return names with unit and sense of metrics for marks, by key."""
     return {
         key: f"{course_words(language, about.name)}{'' if about.unit.sign == '1' else f' [{about.unit.sign}]'} "
         + ("≥" if about.more else "≤")
@@ -140,7 +139,6 @@ def _moment(text: str) -> datetime | str:
 
 
 def _plain(value: Any) -> Any:
-    """Return a value as a field shows it."""
     if isinstance(value, datetime):
         return f"{value.astimezone():%Y-%m-%dT%H:%M}"
     return int(value) if isinstance(value, float) and value.is_integer() else value

@@ -133,21 +133,8 @@ _OWN_WAY = 0.01  # m that a hand has to go before nobody else's goes the same wa
 _LEFTOVER = 60.0  # s after which a part of a record belongs to a server that was killed
 
 # Facts that a record of another program may claim, and that only this server's own records may have.
-_FACTS_OF_A_CONFIRMED_CUT = frozenset(
-    (
-        "course",
-        "task",
-        "feedback",
-        "crossover",
-        "hand",
-        "device_aids",
-        "stalled_s",
-        "movements_sha256",
-        MOVEMENTS,
-        TIP_AT_END,
-    )
-)
-
+_FACTS_OF_A_CONFIRMED_CUT = {"course", "task", "feedback", "crossover", "hand", "device_aids", "stalled_s"}
+_FACTS_OF_A_CONFIRMED_CUT |= {"movements_sha256", MOVEMENTS, TIP_AT_END}
 
 _CLOSED = {
     LEFT: "this cut was left, and so given up, when the next one was handed out.",
@@ -515,7 +502,6 @@ class Lesson:
         return from_runs(runs)
 
     def _way(self, cut: HandedOutCut, task: CourseTask) -> dict[str, list[float]]:
-        """Return a saved cut's way, recomputed by the law."""
         made = TASKS[task.task].hand(**_key(cut), **task.of_line, tissue=self.tissue)
         readings = made.follow(self._movements(cut))
         return way_of(readings, dict(zip(made.channel_fields, made.channels, strict=True)))
@@ -681,7 +667,6 @@ def _record_name(cut: HandedOutCut) -> str:
 
 
 def _key(cut: HandedOutCut) -> dict[str, Any]:
-    """Return what the specimen of a cut is made by."""
     return {"specimen_class": cut.specimen_class, "seed": cut.seed, "target_length": cut.target_length}
 
 
@@ -690,12 +675,10 @@ def _same_specimen(one: HandedOutCut, other: HandedOutCut) -> bool:
 
 
 def _rows(movements: bytes, task: CourseTask) -> Array:
-    """Return movements as rows, one each millisecond."""
     return np.frombuffer(movements, "<f8").reshape(-1, _movement_size(task) // 8)
 
 
 def _movement_size(task: CourseTask) -> int:
-    """Return the number of bytes of a millisecond's movement."""
     return 8 * len(TASKS[task.task].hand.led.task.action_names)
 
 

@@ -116,7 +116,6 @@ class LtiPages(Pages):
         return response
 
     def _cookie(self, state: str) -> str:
-        """Return the cookie name of one of several launches."""
         return f"{self._site.person_cookie}_{state[:16] if state.isalnum() and state.isascii() else ''}"
 
     async def launch(self, request: Request) -> Response:
@@ -176,7 +175,6 @@ class LtiPages(Pages):
         return self._site.sign_in(code, "../cut")
 
     def _choice(self, launch: Launch, launch_url: str) -> Response:
-        """Return the instructor's page for choosing a course or task."""
         address, courses = launch.return_url, self._lesson.courses_open_to(launch.class_name)
         name = partial(course_name, self._site.language)
         titles = {"": name(courses[0].name) if len(courses) == 1 else self._site.title}

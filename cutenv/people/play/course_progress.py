@@ -179,7 +179,6 @@ class CourseProgress:
         return _longest_end(counted) if task.mark else sum(counted)
 
     def _is_over(self, task: CourseTask) -> bool:
-        """Return whether a task is done, out of attempts, or closed."""
         used = task.attempts is not None and len(self._counted[task.name]) >= task.attempts
         return used or (task.closes is not None and self._clock() >= task.closes) or self._is_done(task)
 

@@ -276,7 +276,6 @@ def watching_hand(
 
 
 def _at(line: CutLine | None, position: float, angle: float, level: float) -> HandMotion:
-    """Return the motion at a length of a line [m]."""
     if line is None:
         return HandMotion(position, angle, level)
     i, share = grid_index(position)

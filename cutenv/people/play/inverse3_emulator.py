@@ -79,7 +79,6 @@ def state_message(handle: EmulatedHandle, device_id: str, *, inventory: bool, mo
 
 
 def _serve(socket: Any, arguments: argparse.Namespace) -> None:
-    """Talk to one client until it leaves."""
     script = simple_hand(arguments.target_mm * 1e-3)._script
     handle = EmulatedHandle(lambda now: script(max(now - arguments.wait, 0.0)).position)
     start, modern, key = time.monotonic(), arguments.service >= 3.5, "vector" if arguments.service >= 3.5 else "values"

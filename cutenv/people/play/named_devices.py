@@ -48,16 +48,9 @@ def emulated_inverse3(*options: str, target: float = 0.08) -> Iterator[str]:
 
     ``options`` are those of ``python -m cutenv.people.play.inverse3_emulator``.
     """
-    command = [
-        sys.executable,
-        "-m",
-        "cutenv.people.play.inverse3_emulator",
-        "--port",
-        "0",
-        "--target-mm",
-        str(1e3 * target),
-    ]
-    process = subprocess.Popen([*command, *options], stdout=subprocess.PIPE, text=True)
+    program = [sys.executable, "-m", "cutenv.people.play.inverse3_emulator", "--port=0"]
+    command = [*program, f"--target-mm={1e3 * target}", *options]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     try:
         address = process.stdout.readline().strip()

@@ -411,7 +411,6 @@ class Session:
             self._finish(GIVEN_UP)
 
     def _finish(self, end: str) -> None:
-        """Release the device, then record and score the cut."""
         self.phase = "ended"
         if self._felt is not None:
             self.device.push(0.0)

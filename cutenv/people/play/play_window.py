@@ -83,7 +83,6 @@ class PlayWindow:
                 self._window.close()
 
     def _card_was_shown(self) -> bool:
-        """Return whether an end card was shown long enough."""
         return self.session.phase == "ended" and self._pictures_of_card >= self._card_pictures
 
     def show_next(self) -> None:
@@ -253,7 +252,6 @@ class PlayWindow:
         self.gamepad.hold(self._stick, self._trigger, self._second, self._sideways)
 
     def _open_gamepads(self) -> None:
-        """Open every game controller that is connected."""
         from pygame._sdl2 import controller  # its axes mean the same on every pad, unlike a joystick's
 
         controller.init()

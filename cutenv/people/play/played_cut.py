@@ -142,7 +142,6 @@ class PlayedCut(HandLedCut):
         """Cause of the end, one of the environment's ends; empty while the cut goes on."""
 
     def _drive(self) -> dict[str, Any]:
-        """Return the environment's arguments of what moves the blade."""
         return {"drive": "hand", **dataclasses.asdict(PLAYED_HAND)}
 
     @property
@@ -206,7 +205,6 @@ class PlayedCut(HandLedCut):
             )
 
     def _sampled(self) -> tuple[float, ...]:
-        """Return :attr:`channels` now."""
         return ()
 
     def _noted(self) -> dict[str, Any]:

@@ -198,7 +198,6 @@ def _target(trace: Trace, given: float | None) -> float | None:
 
 
 def _of_height(trace: Trace, cut: ScoredCut, shown: Indices) -> dict[str, Any]:
-    """Return height, floor, wanted depth and layer of a record, if known."""
     if trace.height is None:
         return {}
     # The whole record is shown, also of a cut that did not come to an end.
@@ -293,15 +292,8 @@ def pose(position: float, angle: float, depth: float, level: float = 0.0) -> Sca
     forward. ``depth`` is the height of the surface there, that of the cut of a blade at level 0, and ``level`` the
     height of the blade's lower end [m].
     """
-    scene = derived_quantities(
-        {
-            "blade": position,
-            "tip": position,
-            "angle": angle,
-            "level": level,
-            "depth_at": lambda along: depth + 0.0 * along,
-        }
-    )
+    given = {"blade": position, "tip": position, "angle": angle, "level": level}
+    scene = derived_quantities(given | {"depth_at": lambda along: depth + 0.0 * along})
     return ScalpelPose(along=float(scene["scalpel_along"]), height=float(scene["scalpel_height"]), angle=angle)
 
 

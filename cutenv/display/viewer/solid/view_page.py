@@ -112,8 +112,6 @@ def _clamp(width: float, bottom: float, edge: float) -> Surface:
 
 
 class _Paint(NamedTuple):
-    """Look of a surface."""
-
     colour: Rgb = (255, 255, 255)
     opacity: float = 1.0
     shininess: float = 12.0
