@@ -95,6 +95,10 @@ def there_and_back(target: float) -> Any:
     return np.concatenate([way, np.stack([back, np.full(len(back), np.pi / 2)], axis=-1)])
 
 
+def words(page: str) -> str:
+    return " ".join(re.sub(r"<style>.*?</style>|<[^>]*>", " ", page, flags=re.DOTALL).split())
+
+
 NOT_SAID = re.compile(r"<(style|script)\b.*?</\1>|<[^>]*>|„[^“]*“|'[^']*'|\([^)]*\)|https?://\S+", re.DOTALL)
 ENGLISH = re.compile(
     r"\b(the|of|is|are|with|cuts?|score|no|not|and|too|this|your|its|has|there|again|by|which|liver|tissue|short|target"

@@ -25,7 +25,7 @@ from cutenv.display.report.page import (
     write_table,
     write_text,
 )
-from cutenv.display.report.study_page import amount, correlation_text, heading_of, in_print
+from cutenv.display.report.study_page import amount, correlation_text, heading_of, in_print, interval_text
 from cutenv.records.scoring import METRICS
 from cutenv.records.scoring.score_card import DISCLAIMER
 from cutenv.records.scoring.study import (
@@ -64,10 +64,7 @@ def mark_text(standard: Standard, mark: Estimate) -> str:
     """Return a mark with its interval, small in tables of pages."""
     factor, _ = in_print(standard)
     digits = 1 if standard.metric == "overall_score" else _digits(factor * mark.value)
-    shown = number(factor * mark.value, digits)
-    if mark.low is not None and mark.high is not None:
-        shown += f" [{number(factor * mark.low, digits)}, {number(factor * mark.high, digits)}]"
-    return shown
+    return interval_text(mark, lambda value: number(factor * value, digits))
 
 
 def observed_text(rate: ErrorRate) -> str:

@@ -98,14 +98,8 @@ class CourseProgress:
         seed = task.seeds[self._begun[task.name] % len(task.seeds)] if task.seeds else secrets.randbelow(2**31)
         return CourseSpecimen(task.specimen_class, seed, task.target_length)
 
-    def metadata(self) -> dict[str, Any]:
-        """Return record metadata of the next cut that restores the progress."""
-        task = self.task
-        assert task is not None  # no cut is made after the last task
-        return self.facts(task)
-
     def facts(self, task: CourseTask) -> dict[str, Any]:
-        """Return what the record of a task's cut has to note."""
+        """Return what the record of a task's cut has to note, which restores the progress."""
         facts: dict[str, Any] = {"course": self.course.name, "task": task.name, "feedback": task.feedback}
         facts |= {"practice": True} if task.name == WARM_UP else {}
         return facts | ({"crossover": True} if task.crossover else {})

@@ -37,12 +37,8 @@ STICK_DEAD_ZONE = 0.12
 """Share of a stick's travel around its middle that is ignored."""
 
 
-def _within_travel(position: float) -> float:
-    return min(max(position, 0.0), TRAVEL)
-
-
-def _within_width(across: float) -> float:
-    return min(max(across, -0.5 * WIDTH), 0.5 * WIDTH)
+def _within_slab(position: float, across: float) -> tuple[float, float]:
+    return min(max(position, 0.0), TRAVEL), min(max(across, -0.5 * WIDTH), 0.5 * WIDTH)
 
 
 def within_angles(angle: float) -> float:
@@ -86,22 +82,22 @@ class LedHand:
 
     def move(self, distance: float, across: float = 0.0) -> None:
         """Move the place by ``distance`` and ``across`` [m], within reach."""
-        self.position = _within_travel(self.position + in_range("distance", distance, -10.0, 10.0, "m"))
-        self.across = _within_width(self.across + in_range("across", across, -10.0, 10.0, "m"))
+        in_range("distance", distance, -10.0, 10.0, "m")
+        in_range("across", across, -10.0, 10.0, "m")
+        self.position, self.across = _within_slab(self.position + distance, self.across + across)
 
     def keep_near(self, hand: float, across: float = 0.0) -> None:
         """Limit the lead over this place to :data:`LEAD`."""
         ahead, aside = self.position - hand, self.across - across
         distance = math.hypot(ahead, aside)
         if distance > LEAD:
-            self.position = _within_travel(hand + LEAD * (ahead / distance))
-            self.across = _within_width(across + LEAD * (aside / distance))
+            ahead, aside = LEAD * (ahead / distance), LEAD * (aside / distance)
+            self.position, self.across = _within_slab(hand + ahead, across + aside)
 
     def read(self) -> Stylus:
         """Advance a millisecond; return place [m], angle [rad] and level [m]."""
         along, across = self.velocity
-        self.position = _within_travel(self.position + along * TICK)
-        self.across = _within_width(self.across + across * TICK)
+        self.position, self.across = _within_slab(self.position + along * TICK, self.across + across * TICK)
         return Stylus(self.position, self.angle, _pressed(self.held), self.level, self.across)
 
     def push(self, force: float) -> None:
@@ -201,7 +197,7 @@ class ScriptedDevice:
         """Return the script's hand and blade for this millisecond."""
         wanted = self._script(self._reads * TICK)
         self._reads += 1
-        place, across = _within_travel(wanted.position), _within_width(wanted.across)
+        place, across = _within_slab(wanted.position, wanted.across)
         return Stylus(place, within_angles(wanted.angle), _pressed(wanted.held), wanted.level, across)
 
     def push(self, force: float) -> None:

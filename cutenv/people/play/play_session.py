@@ -22,7 +22,7 @@ from cutenv._base.arrays import Array, StructArray
 from cutenv._base.validation import in_range, one_of
 from cutenv.display.viewer.scene import Moment
 from cutenv.envs.tissue_source import TissueSource
-from cutenv.people.play.course import FEEDBACK, ShownFeedback, shown_feedback
+from cutenv.people.play.course import FEEDBACK, CourseTask, ShownFeedback, shown_feedback
 from cutenv.people.play.course_progress import GIVEN_UP, CourseProgress
 from cutenv.people.play.devices import LedHand
 from cutenv.people.play.hand_model import PLAYED_HAND
@@ -233,6 +233,7 @@ class Session:
         """Record of that cut, if there is a folder."""
         self._felt: FeltForce | None = None
         self._task, self._feedback = "", "always"
+        self._given: CourseTask | None = None  # by the course
         # Compile now, on cuts that are discarded, rather than while the clock of the first one runs.
         for kind in kinds:
             _kind_of_cut(kind)(tissue=self._tissue, **self._of_task).tick(Stylus(0.0, float(np.pi / 2)))
@@ -376,9 +377,10 @@ class Session:
         if self.course is not None:
             self.course.verdicts = {}
             self.chosen_class, self.seed, self._target_length = self.course.specimen()
-            self._task, self._feedback = self.course.ahead(), self.course.metadata()["feedback"]
-            assert self.course.task is not None  # else there is no specimen
-            self.task, self._of_task = self.course.task.task, self.course.task.of_line
+            task = self._given = self.course.task
+            assert task is not None  # else there is no specimen
+            self._task, self._feedback = self.course.ahead(), task.feedback
+            self.task, self._of_task = task.task, task.of_line
         self.cut = _kind_of_cut(self.task)(
             specimen_class=specimen_class or self.chosen_class,
             seed=self.seed,
@@ -422,7 +424,7 @@ class Session:
             date=self._date.isoformat(timespec="seconds"),
         )
         name = f"{self._date:%Y%m%dT%H%M%S}_{self.cut.specimen_class}_{self.seed}-{self.number}_{self._attempts}"
-        noted = {} if self.course is None else self.course.metadata()
+        noted = {} if self.course is None or self._given is None else self.course.facts(self._given)
         practice = self._practised or noted.pop("practice", False)
         trace = self.cut.trace(
             **origin.metadata,
@@ -446,7 +448,7 @@ class Session:
             self.records.append(self.saved)
         self.card = self.cut.card(trace)
         if self.course is not None:
-            self.course.add(self.card, end)
+            self.course.add(self.card, end, self._given)
 
     def _verdict(self) -> tuple[str, ...]:
         """Return what the end card says beside the score."""

@@ -350,12 +350,12 @@ def test_a_bad_cut_is_refused_by_name(bad: dict[str, Any], message: str) -> None
 def test_a_failure_leaves_the_older_page_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     older = written(tmp_path, result(cuts=[]))
 
-    def fails(*_: Any, **__: Any) -> None:
+    def curve_figure(*_: Any, **__: Any) -> None:
         raise OSError("no space left")
 
     for owner, name in ((training_page, "curve_figure"), (Path, "replace")):
         with monkeypatch.context() as patch:
-            patch.setattr(owner, name, fails)
+            patch.setattr(owner, name, curve_figure)
             with pytest.raises(OSError, match="no space left"):
                 write_training_page(tmp_path / "report.html", result(title="newer", cuts=[]))
         assert (tmp_path / "report.html").read_text(encoding="utf-8") == older

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from class_room import Room, begun, cut_once, hand, message, sent, to_the_end
+from class_room import Room, begun, cut_once, hand, message, sent, to_the_end, words
 
 from cutenv.agents.policy import experts
 from cutenv.commands import cli
@@ -35,10 +35,6 @@ def two(room: Room) -> Room:
     made = teacher.post("/teacher/course", data=SECOND)
     assert (made.status_code, made.headers["location"]) == (303, "course?course=nurses-2b")
     return room
-
-
-def words(document: str) -> str:
-    return " ".join(re.sub(r"<style>.*?</style>|<[^>]*>", " ", document, flags=re.DOTALL).split())
 
 
 def ahead(client: Any) -> str:

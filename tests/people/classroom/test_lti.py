@@ -47,18 +47,14 @@ feedback = "{feedback}"
 
 @pytest.fixture
 def room(tmp_path: Path) -> Iterator[LtiRoom]:
-    made = LtiRoom(tmp_path)
-    yield made
-    assert not made.platform.troubles
-    made.close()
+    with LtiRoom(tmp_path) as made:
+        yield made
 
 
 @pytest.fixture
 def in_course(tmp_path: Path) -> Iterator[LtiRoom]:
-    made = LtiRoom(tmp_path, COURSE_FILE.format(feedback="always"))
-    yield made
-    assert not made.platform.troubles
-    made.close()
+    with LtiRoom(tmp_path, COURSE_FILE.format(feedback="always")) as made:
+        yield made
 
 
 # Launches
@@ -596,30 +592,27 @@ def lti_line_item(room: LtiRoom, name: str) -> dict[str, Any]:
     return {"scope": [SCORE], "lineitem": room.platform.line_item(name)}
 
 
-def test_nothing_is_said_of_a_task_with_hidden_feedback_before_the_course_is_done(tmp_path: Path) -> None:
-    hidden_first = COURSE_FILE.format(feedback="never").replace("seeds = [5]", 'feedback = "never"')
-    room = LtiRoom(tmp_path, hidden_first)
-    _, code = learner(room)
-    saved(room, code, 81.0, "even tissue")
-    room.tool.grades.deliver()
-    assert room.platform.scores == []
-    saved(room, code, 61.0, "liver")
-    room.tool.grades.deliver()
-    assert [sent["scoreGiven"] for _, sent in room.platform.scores] == [71]
-    room.close()
-
-
-def test_a_warm_up_counts_for_no_grade(tmp_path: Path) -> None:
-    content = COURSE_FILE.format(feedback="always").replace("[[task]]", "warm_up = 1\n[[task]]", 1)
-    room = LtiRoom(tmp_path, content)
-    _, code = learner(room)
-    saved(room, code, 99.0, WARM_UP)
-    room.tool.grades.deliver()
-    assert room.platform.scores == []
-    saved(room, code, 81.0, "even tissue")
-    room.tool.grades.deliver()
-    assert [(sent["scoreGiven"], sent["activityProgress"]) for _, sent in room.platform.scores] == [(40, "InProgress")]
-    room.close()
+@pytest.mark.parametrize(
+    ("old", "new", "first", "grade", "progress"),
+    [
+        ("seeds = [5]", 'feedback = "never"', "even tissue", 71, "Completed"),
+        ("[[task]]", "warm_up = 1\n[[task]]", WARM_UP, 30, "InProgress"),
+    ],
+    ids=["hidden feedback before the course is done", "a warm-up"],
+)
+def test_some_cuts_are_no_grade_yet_or_never(
+    tmp_path: Path, old: str, new: str, first: str, grade: int, progress: str
+) -> None:
+    feedback = "never" if first == "even tissue" else "always"
+    with LtiRoom(tmp_path, COURSE_FILE.format(feedback=feedback).replace(old, new, 1)) as room:
+        _, code = learner(room)
+        saved(room, code, 81.0, first)
+        room.tool.grades.deliver()
+        assert room.platform.scores == []
+        saved(room, code, 61.0, "liver")
+        room.tool.grades.deliver()
+        sent = [(each["scoreGiven"], each["activityProgress"]) for _, each in room.platform.scores]
+        assert sent == [(grade, progress)]
 
 
 def test_no_record_of_another_program_and_no_other_course_is_a_grade(in_course: LtiRoom) -> None:

@@ -27,11 +27,9 @@ def member(subject: str, name: str = "", role: str = f"{ROLE}Learner", **further
 
 @pytest.fixture
 def room(tmp_path: Path) -> Iterator[LtiRoom]:
-    made = LtiRoom(tmp_path)
-    made.register(teacher_courses=[COURSE])
-    yield made
-    assert not made.platform.troubles
-    made.close()
+    with LtiRoom(tmp_path) as made:
+        made.register(teacher_courses=[COURSE])
+        yield made
 
 
 def roster(room: LtiRoom) -> list[tuple[str, str, str]]:

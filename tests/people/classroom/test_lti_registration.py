@@ -23,11 +23,9 @@ SCHOOL = "https://class.school.example"
 @pytest.fixture
 def room(tmp_path: Path) -> Iterator[LtiRoom]:
     """A class that no platform is registered with."""
-    made = LtiRoom(tmp_path)
-    made.tool.file.drop(made.platform.issuer, CLIENT)
-    yield made
-    assert not made.platform.troubles
-    made.close()
+    with LtiRoom(tmp_path) as made:
+        made.tool.file.drop(made.platform.issuer, CLIENT)
+        yield made
 
 
 def invited(room: LtiRoom, base: str = AT) -> str:

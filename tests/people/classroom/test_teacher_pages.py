@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from class_room import CLOCK, Room, begun, cut_once, hand
+from class_room import CLOCK, Room, begun, cut_once, hand, words
 from starlette.testclient import TestClient
 
 from cutenv.display.report.trainee_sheet import class_means
@@ -64,10 +64,6 @@ def ended(teacher: TestClient, path: str) -> Any:
         assert time.monotonic() < until
         time.sleep(0.02)
     return answer
-
-
-def words(page: str) -> str:
-    return " ".join(re.sub(r"<style>.*?</style>|<[^>]*>", " ", page, flags=re.DOTALL).split())
 
 
 # Classes and groups
