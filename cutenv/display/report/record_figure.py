@@ -302,13 +302,13 @@ def _number_cuts(axes: Axes, record: Trace, cuts: Sequence[slice]) -> None:
     for number, cut in enumerate(cuts, 1):
         first, last = record.time[cut][[0, -1]].tolist()
         words = str(number) if len(cuts) > _CROWDED else f"cut {number}\n{first:.2f} to {last:.2f} s"
-        _write(axes, 0.5 * (first + last), 0.985, words, "#00573f", va="top")
+        _write(axes, (0.5 * (first + last), 0.985), words, "#00573f", va="top")
 
 
-def _write(axes: Axes, time: float, height: float, words: str, colour: str, va: str = "baseline") -> None:
+def _write(axes: Axes, at: tuple[float, float], words: str, colour: str, va: str = "baseline") -> None:
     """Write words at a time [s] and a share of the picture's height."""
     across = axes.get_xaxis_transform()
-    axes.text(time, height, words, transform=across, ha="center", va=va, fontsize=8, color=colour)
+    axes.text(*at, words, transform=across, ha="center", va=va, fontsize=8, color=colour)
 
 
 def _mark_flaws(axes: Axes, record: Trace, part: slice, found: Sequence[QualityIssue]) -> None:
@@ -331,7 +331,7 @@ def _name_flaws(axes: Axes, record: Trace, part: slice, found: Sequence[QualityI
     """Label flaws below the picture, stacked where they would overlap."""
     for number, flaw in enumerate(found):
         first, last = (float(record.time[part][row]) for row in flaw.rows)
-        _write(axes, 0.5 * (first + last), 0.02 + 0.05 * (number % 3), flaw.kind, "#8c3d00")
+        _write(axes, (0.5 * (first + last), 0.02 + 0.05 * (number % 3)), flaw.kind, "#8c3d00")
 
 
 def _legend(axes: Axes) -> None:

@@ -284,22 +284,8 @@ def test_the_command_plays_a_script_records_it_and_saves_a_picture(
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     out, picture, tissue = tmp_path / "cuts", tmp_path / "end.png", tmp_path / "softer.json"
     tissue.write_text(dataclasses.replace(measured_liver(), name="softer", fracture_resistance=120.0).to_json())
-    options = [
-        "--scripted",
-        "--cuts",
-        "2",
-        "--seed",
-        "6",
-        "--operator",
-        "P07",
-        "--specimen-class",
-        "uniform",
-        "--practice",
-        "--target-length",
-        "50mm",
-        "--tissue",
-        str(tissue),
-    ]
+    cuts = "--scripted --cuts 2 --seed 6 --operator P07 --specimen-class uniform --practice --target-length 50mm"
+    options = [*cuts.split(), "--tissue", str(tissue)]
     assert cli.main(["play", *options, "--out", str(out), "--picture", str(picture)]) == 0
     traces = [load_one(path) for path in sorted(out.iterdir())]
     assert [trace.metadata["specimen_episode"] for trace in traces] == [0, 1]

@@ -9,6 +9,8 @@ descriptions of objects are used here. One unit of the scene is 10 cm, which sui
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import itertools
 import json
 import math
@@ -20,8 +22,8 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
 from cutenv._base.document import render
+from cutenv._base.output import atomic_write
 from cutenv._base.validation import one_of
-from cutenv.display.report.page import as_base64, script_digest, write_text
 from cutenv.display.viewer import palette
 from cutenv.display.viewer.scene_parts import BLADE_LENGTH, HANDLE_LENGTH
 from cutenv.display.viewer.solid.curved_cut import OPENING, CurvedCut, CurvedSolid
@@ -245,8 +247,7 @@ def write_view(path: Path, cut: ShownCut, *, colour: str = "displacement") -> in
     OSError
         If the page cannot be written.
     """
-    write_text(path, view_page(cut, colour=one_of("colour", colour, COLOURINGS)))
-    return path.stat().st_size
+    return _write(path, view_page(cut, colour=one_of("colour", colour, COLOURINGS)))
 
 
 def view_page(cut: ShownCut, *, colour: str = "displacement") -> str:
@@ -366,6 +367,23 @@ def meshcat_viewer() -> tuple[str, str]:
     return viewer, "\n\n".join((folder / name).read_text(encoding="utf-8") for name in texts)
 
 
+def as_base64(data: bytes) -> str:
+    """Return bytes as text for a page."""
+    return base64.b64encode(data).decode("ascii")
+
+
+def script_digest(code: str) -> str:
+    """Return the digest by which a page's policy admits scripts."""
+    return as_base64(hashlib.sha256(code.encode()).digest())
+
+
+def _write(path: Path, document: str) -> int:
+    content = document.encode("utf-8")
+    with atomic_write(path) as part:
+        part.write_bytes(content)
+    return len(content)
+
+
 def _rounded(values: Array, digits: int) -> Any:
     # "-0" and "0" would make two different pages of one cut.
     return (np.round(values, digits) + 0.0).tolist()
@@ -386,8 +404,7 @@ def write_curved_view(path: Path, cut: CurvedCut) -> int:
     OSError
         If the page cannot be written.
     """
-    write_text(path, curved_page(cut))
-    return path.stat().st_size
+    return _write(path, curved_page(cut))
 
 
 def curved_page(cut: CurvedCut) -> str:
