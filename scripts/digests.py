@@ -401,7 +401,7 @@ def program_digests(quick: bool) -> Digests:
     """Yield digests of the programs that the page carries, and of the names that they export."""
     import wasmtime
 
-    from cutenv.people.browser.page_alone import law_of
+    from cutenv.people.browser.page_data import law_of
 
     for name in TASKS:
         program = law_of(name)

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import html
 import itertools
+import re
 import zlib
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
+
+pytest.importorskip("starlette", reason="the server is an extra: pip install 'cutenv[serve]'")
+pytest.importorskip("httpx2", reason="asks the server in its tests: pip install 'cutenv[dev]'")
+
 from starlette.testclient import TestClient
 
 from cutenv.people.browser import HandCut
@@ -37,6 +44,9 @@ class Room:
 
     def __init__(self, folder: Path, course: str | None = None, tissue: Path | None = None) -> None:
         self.store = ClassStore(f"sqlite:///{folder / 'class.db'}", CLOCK)
+        if course is not None and "\n" in course:  # the text of one
+            (folder / "given.toml").write_text(course, encoding="utf-8")
+            course = str(folder / "given.toml")
         led = None if course is None else named_course(course)
         self.lesson = Lesson(self.store, folder / "records", led, tissue=tissue)
         self.app = class_app(ClassSite(lesson=self.lesson, secret=TOKEN))
@@ -83,6 +93,24 @@ def there_and_back(target: float) -> Any:
     way[(way[:, 0] > 0.005) & (way[:, 0] < target - 0.013), 1] = np.pi / 4
     back = np.maximum(way[-1, 0] - 1e-5 * np.arange(1.0, 6000.0), way[-1, 0] - 0.05)
     return np.concatenate([way, np.stack([back, np.full(len(back), np.pi / 2)], axis=-1)])
+
+
+def words(page: str) -> str:
+    return " ".join(re.sub(r"<style>.*?</style>|<[^>]*>", " ", page, flags=re.DOTALL).split())
+
+
+NOT_SAID = re.compile(r"<(style|script)\b.*?</\1>|<[^>]*>|„[^“]*“|'[^']*'|\([^)]*\)|https?://\S+", re.DOTALL)
+ENGLISH = re.compile(
+    r"\b(the|of|is|are|with|cuts?|score|no|not|and|too|this|your|its|has|there|again|by|which|liver|tissue|short|target"
+    r"|launch|answers|learner|teacher|member)\b"
+)
+
+
+def check_nothing_is_english(*texts: str) -> None:
+    """Of texts and pages nothing is English but names, values and what stands in brackets."""
+    for text in texts:
+        seen = NOT_SAID.sub(" ", html.unescape(text))
+        assert not ENGLISH.search(seen), (ENGLISH.search(seen), seen)
 
 
 def begun(client: TestClient, lasts: float = 30.0) -> dict[str, Any]:

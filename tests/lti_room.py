@@ -40,6 +40,13 @@ class LtiRoom(Room):
     def client(self) -> TestClient:
         return TestClient(self.app, base_url=AT, follow_redirects=False)
 
+    def __enter__(self) -> LtiRoom:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        assert not self.platform.troubles
+        self.close()
+
     def close(self) -> None:
         self.platform.close()
         self.lesson.close()

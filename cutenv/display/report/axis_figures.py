@@ -1,7 +1,4 @@
-"""Figures of a rig's axis.
-
-Its responses to steps and sines over the fitted model, and the speed of a cut.
-"""
+"""Figures of a rig's axis: answers over the model, and speed."""
 
 from __future__ import annotations
 
@@ -32,22 +29,7 @@ _LEAST = 1e-6  # [m]
 def draw_identification(
     path: Path, steps: Sequence[StepResponse], sines: Sequence[StepResponse], *, title: str = ""
 ) -> None:
-    """Write a figure of measured and modelled responses, above the errors.
-
-    Parameters
-    ----------
-    path : Path
-        Path of the picture; its suffix gives the format (.png).
-    steps, sines : sequence of Answer
-        Responses; times count from the first command.
-    title : str
-        Text above the picture.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not installed; the message gives the command that installs it.
-    """
+    """Write a figure of measured and modelled responses, above the errors."""
     figure = new_figure(*_SIZE)
     rows = figure.subplots(2, 2, sharex="col", height_ratios=(2.2, 1.0))
     for column, (answers, name) in enumerate(((steps, "steps of speed"), (sines, "sines of speed"))):
@@ -76,22 +58,7 @@ def _draw(above: Axes, below: Axes, answers: Sequence[StepResponse]) -> None:
 
 
 def draw_speed(path: Path, found: SpeedTracking, *, title: str = "") -> None:
-    """Write a figure of desired and actual speed, difference and force.
-
-    Parameters
-    ----------
-    path : Path
-        Path of the picture; its suffix gives the format (.png).
-    found : SpeedTracking
-        Result of :func:`cutenv.records.measurement.speed_tracking`.
-    title : str
-        Text above the picture.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not installed; the message gives the command that installs it.
-    """
+    """Write a figure of desired and actual speed, difference and force."""
     figure = new_figure(*_SPEED_SIZE)
     speeds, off, force = figure.subplots(3, 1, sharex=True, height_ratios=(2.2, 1.0, 1.0))
     time = found.time - found.time[0]

@@ -1,7 +1,4 @@
-"""Validation card of a calibrated tissue.
-
-Values, the data behind them, and how well it predicts; with figures.
-"""
+"""Validation card of a tissue: values, data, predictions, figures."""
 
 from __future__ import annotations
 
@@ -16,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cutenv.display.report.page import PHONE_WIDTH, label, new_figure, plain_axes, significant, write_page, write_text
+from cutenv.display.report.study_page import count
 from cutenv.records.measurement import LeftOutCut, MeasuredCut, estimate_local_effective_moduli, leave_one_out
 from cutenv.records.measurement.prediction import predicted_ramps
 from cutenv.records.measurement.speed_dependence import BETWEEN
@@ -122,7 +120,6 @@ def overlay_figure(shown: Sequence[tuple[MeasuredCut, LeftOutCut]], model: CutMo
 
 
 def _shortened(text: str, letters: int) -> str:
-    """Return text shortened to so many letters, with an ellipsis."""
     return text if len(text) <= letters else f"{text[: letters - 1]}…"
 
 
@@ -136,19 +133,8 @@ _DISPLAYED = {"Pa": (1e-3, "kPa"), "Pa s/m": (1e-5, "kPa s/cm"), "m": (1e3, "mm"
 class ValidationCard:
     """Calibrated tissue, with the cuts from which it was calibrated.
 
-    Parameters
-    ----------
-    tissue : TissueDescription
-        Tissue with its ``calibration``.
-    model : CutModel
-        Finite-element model that the moduli belong to.
-    cuts : sequence of MeasuredCut
-        Cuts from :func:`~cutenv.records.measurement.measure_cuts`.
-
-    Raises
-    ------
-    ValueError
-        If the tissue was not calibrated from records.
+    The cuts are those of :func:`~cutenv.records.measurement.measure_cuts`. Raises ValueError if the tissue was not
+    calibrated from records.
     """
 
     tissue: TissueDescription
@@ -234,36 +220,16 @@ class ValidationCard:
 
 
 def write_validation_card(path: Path, card: ValidationCard) -> Path:
-    """Write the card as one self-contained page, and as JSON.
-
-    Parameters
-    ----------
-    path : Path
-        Path of the page (.html), in a folder that exists.
-    card : ValidationCard
-        Card to write.
-
-    Returns
-    -------
-    Path
-        Path of the JSON: the page's with the suffix ``.json``.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not installed; the message gives the command that installs it.
-    """
+    """Write the card as self-contained page and as JSON, whose path is returned."""
     write_page(
         path,
         "calibration_card.html",
+        *(overlay_figure, resistance_figure, speed_figure),
         card=card,
         headline=calibration_headline(card),
         values=_values(card),
         rows=[card.row_of(cut) for cut in card.cuts],
-        count=_count,
-        overlay_figure=overlay_figure,
-        resistance_figure=resistance_figure,
-        speed_figure=speed_figure,
+        count=count,
     )
     data = path.with_suffix(".json")
     write_text(data, card.to_json() + "\n")
@@ -294,10 +260,6 @@ def _error(pair: tuple[float, float]) -> str:
     return f"{pair[0]:.2f} N, {pair[1]:.1f} % of the peak"
 
 
-def _count(n: int, noun: str) -> str:
-    return f"{n} {noun}" + ("" if n == 1 else "s")
-
-
 def _values(card: ValidationCard) -> list[tuple[Evidence, str, str, str]]:
     """Return each value's provenance, and value, unit and interval as shown."""
     about = {field.name: field.metadata for field in dataclasses.fields(TissueDescription)}
@@ -314,10 +276,7 @@ def _values(card: ValidationCard) -> list[tuple[Evidence, str, str, str]]:
 
 
 def _without_depth(cut: MeasuredCut, model: CutModel) -> float | None:
-    """Return the mean modulus [Pa] at the model's thickness.
-
-    As in Tables 5.1 to 5.5, that stands for the depth of cut.
-    """
+    """Return the mean modulus [Pa] at the model's thickness, as in Tables 5.1 to 5.5."""
     found = estimate_local_effective_moduli(
         cut.trace, model, depth_normalised=False, friction_per_depth=0.0, loading_ratio=0.0
     )

@@ -1,7 +1,4 @@
-"""Report of a sequential comparison.
-
-Decision, interval after every pair, what it spent and saved, raw pairs.
-"""
+"""Report of a sequential comparison: decision, intervals, what it saved, pairs."""
 
 from __future__ import annotations
 
@@ -46,24 +43,12 @@ _KINDS: dict[SequentialDecision, str] = {"better": "good", "worse": "bad", "equi
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ComparedOutcome:
-    """One outcome of all pairs.
-
-    Attributes
-    ----------
-    name : str
-        Name of the outcome, such as "return".
-    differences : ndarray of shape (n,)
-        First minus second, pair by pair.
-    question : SequentialQuestion
-        What is asked of them.
-    room : ndarray of shape (n,) or float
-        How much farther each can reach, by a correction.
-    """
+    """One outcome of all pairs."""
 
     name: str
-    differences: Array
+    differences: Array  # first minus second, pair by pair, shape (n,)
     question: SequentialQuestion
-    room: Array | float = 0.0
+    room: Array | float = 0.0  # how much farther each can reach, by a correction
 
     @functools.cached_property
     def decision(self) -> tuple[int, SequentialDecision]:
@@ -89,27 +74,13 @@ class ComparedOutcome:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DecisionReport:
-    """Content of a report.
-
-    Attributes
-    ----------
-    first, second : str
-        What is compared.
-    outcomes : sequence of ComparedOutcome
-        Outcomes; the first one decides.
-    rows : sequence of mapping
-        Raw pairs, or what was compared of each.
-    pair, pairs : str
-        What one difference costs, such as "pair of cuts", and several.
-    notes : sequence of str
-        Further notes for the reader.
-    """
+    """Content of a report."""
 
     first: str
     second: str
-    outcomes: Sequence[ComparedOutcome]
-    rows: Sequence[Mapping[str, Any]]
-    pair: str = "pair of cuts"
+    outcomes: Sequence[ComparedOutcome]  # the first one decides
+    rows: Sequence[Mapping[str, Any]]  # raw pairs, or what was compared of each
+    pair: str = "pair of cuts"  # what one difference costs
     pairs: str = "pairs of cuts"
     notes: Sequence[str] = field(default_factory=tuple)
 
@@ -189,15 +160,7 @@ def _shown(value: object) -> str:
 
 
 def write_decision(folder: Path, report: DecisionReport) -> list[Path]:
-    """Write the page and the raw pairs; return the paths.
-
-    The pairs are written as CSV and as Parquet.
-
-    Raises
-    ------
-    ImportError
-        If Jinja2, matplotlib or pyarrow is not installed; the message gives the command that installs it.
-    """
+    """Write the page and the raw pairs, as CSV and Parquet; return the paths."""
     names = list(dict.fromkeys(name for row in report.rows for name in row))
     write_table(folder / TABLE, [names, *([row.get(name) for name in names] for row in report.rows)])
     arrow = optional_import("pyarrow", "pyarrow", "Parquet")

@@ -59,14 +59,7 @@ _AROUND = 140  # of the blade that is shown to either side [px]
 def frames_figure(filmed: FilmedDepth, pictures: Mapping[int, NDArray[np.uint8]], width: float) -> Figure:
     """Draw frames with strip, surface, exposed blade, or reason of omission.
 
-    Parameters
-    ----------
-    filmed : FilmedDepth
-        Depth of the film.
-    pictures : mapping
-        Frames to show, by their number: grey values, shape (height, width); of a pair, the left one is shown.
-    width : float
-        Width [in].
+    Pictures are grey values by number of the frame, shape (height, width), of a pair the left one.
     """
     shown = [frame for frame in filmed.frames if frame.number in pictures]
     columns = 2 if width < PHONE_WIDTH else max(len(shown), 1)
@@ -96,10 +89,7 @@ def _draw_frame(axes: Axes, frame: DepthFrame, picture: NDArray[np.uint8]) -> No
 
 
 def depth_figure(trace: Trace, filmed: FilmedDepth, found: RunsAndDrops, width: float) -> Figure:
-    """Draw depth and length along the blade above the force.
-
-    It shows the frames left out, and the runs seen.
-    """
+    """Draw depth and length along the blade, frames left out, runs and force."""
     figure = new_figure(width, 5.0)
     depth, force = figure.subplots(2, 1, sharex=True, height_ratios=(1.6, 1.0))
     band: dict[str, Any] = {"color": _SURFACE, "alpha": 0.35, "linewidth": 0.0}
@@ -134,10 +124,7 @@ FRAME_COLUMNS = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FilmedRecord:
-    """Record with depth and runs from a film.
-
-    Some of the frames are kept by number, each of shape (height, width).
-    """
+    """Record with depth and runs from a film, and some frames by number."""
 
     name: str
     trace: Trace
@@ -147,21 +134,14 @@ class FilmedRecord:
 
 
 def write_depth_page(path: Path, record: FilmedRecord) -> None:
-    """Write the page of a filmed cut into an existing folder.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not installed; the message gives the command that installs it.
-    """
+    """Write the page of a filmed cut into an existing folder."""
     filmed = record.filmed
     share = len(filmed.time) / len(filmed.frames)
     write_page(
         path,
         "depth.html",
+        *(frames_figure, depth_figure),
         kind="good" if share >= 0.9 else "open",
-        frames_figure=frames_figure,
-        depth_figure=depth_figure,
         degrees=math.degrees(filmed.alignment.angle),
         low=1e3 * max(float(filmed.vertical.min()), 0.0),
         high=1e3 * float(filmed.vertical.max()),
@@ -198,30 +178,14 @@ _AGREES = 0.1  # relative difference up to which both moduli count as one
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FieldResult:
-    """One filmed cut, measured.
-
-    Attributes
-    ----------
-    name : str
-        Name of the cut.
-    measured : FilmedMeasurement
-        Ramps, moduli by force, displacements of the beads.
-    image : ImageModuli
-        Moduli by image.
-    compared : FieldComparison
-        Beads against the model, with the estimated zones, or else with those of the ramps' own moduli.
-    zones : ZoneModuli or None
-        Moduli of zones, if they were asked for.
-    truth : float or None
-        Modulus that was put in [Pa].
-    """
+    """One filmed cut, measured."""
 
     name: str
     measured: FilmedMeasurement
     image: ImageModuli
-    compared: FieldComparison
-    zones: ZoneModuli | None
-    truth: float | None
+    compared: FieldComparison  # with the estimated zones, or else those of the ramps' own moduli
+    zones: ZoneModuli | None  # if they were asked for
+    truth: float | None  # modulus that was put in [Pa]
 
     @classmethod
     def of(
@@ -236,19 +200,8 @@ class FieldResult:
     ) -> FieldResult:
         """Measure a cut by its force and by its beads.
 
-        Parameters
-        ----------
-        tracks, trace, model, thickness
-            See `cutenv.vision.field_comparison.measure_filmed_cut`.
-        zones : int, optional
-            Number of zones whose moduli are estimated.
-        truth : float, optional
-            Modulus that was put in [Pa]; by default what the tracks' metadata say.
-
-        Raises
-        ------
-        ValueError
-            If tracks and record are not of one cut, lack what is needed, or do not allow so many zones.
+        The modulus that was put in [Pa] is by default that of the tracks' metadata. Raises ValueError if tracks and
+        record are not of one cut, lack what is needed, or do not allow so many zones.
         """
         measured = measure_filmed_cut(tracks, trace, model, thickness=thickness)
         image = measured.by_image()
@@ -322,33 +275,12 @@ class FieldResult:
 
 
 def write_field_page(path: Path, result: FieldResult) -> Path:
-    """Write the result as one self-contained page, and as JSON.
-
-    Parameters
-    ----------
-    path : Path
-        Path of the page (.html), in a folder that exists.
-    result : FieldResult
-        Result to write.
-
-    Returns
-    -------
-    Path
-        Path of the JSON: the page's with the suffix ``.json``.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib or Jinja2 is not installed; the message gives the command that installs it.
-    """
+    """Write the result as self-contained page and as JSON, whose path is returned."""
     write_page(
         path,
         "field.html",
+        *(kilopascals, estimate_text, bead_map, moduli_figure),
         result=result,
-        kilopascals=kilopascals,
-        estimate_text=estimate_text,
-        bead_map=bead_map,
-        moduli_figure=moduli_figure,
     )
     data = path.with_suffix(".json")
     write_text(data, result.to_json() + "\n")
@@ -377,10 +309,7 @@ def _zones(zones: ZoneModuli) -> dict[str, Any]:
 
 
 def moduli_figure(result: FieldResult, width: float) -> Figure:
-    """Draw every ramp's modulus by force, at its tip, by image.
-
-    Zones and the value put in are lines.
-    """
+    """Draw moduli by force and by image; zones and value put in."""
     tips, image, zones, truth = result.measured.tips, result.image, result.zones, result.truth
     figure = new_figure(width, 3.6)
     axes = figure.subplots()

@@ -1,7 +1,4 @@
-"""Records as they were understood, before anybody scores them.
-
-A figure in a terminal, drawn with characters; and a page with pictures, questions and the rows that were left out.
-"""
+"""Records as they were understood, before anybody scores them."""
 
 from __future__ import annotations
 
@@ -24,14 +21,7 @@ _FORCE_ROWS, _WAY_ROWS = 9, 4
 def record_lines(picture: RecordPicture, width: int, *, braille: bool = True) -> list[str]:
     """Return the lines of a picture of a whole record.
 
-    Parameters
-    ----------
-    picture : RecordPicture
-        The record, with the cuts that were found in it.
-    width : int
-        Width of the terminal [characters], 40 or more.
-    braille : bool
-        False for a terminal that shows ASCII alone.
+    The width is that of the terminal [characters], 40 or more; without ``braille`` it shows ASCII alone.
     """
     record = picture.record
     columns = max(20, width - _LABEL - 1)
@@ -93,29 +83,15 @@ def _marks(time: Array, cuts: Sequence[slice], columns: int) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class UnderstoodFile:
-    """File as it was understood.
-
-    Attributes
-    ----------
-    name : str
-        Name of the file.
-    pictures : sequence of RecordPicture
-        Its records.
-    mapping : str
-        Options of the command line that read it so; "" for a record of this package.
-    questions, left_out, notes : sequence of str
-        What it leaves open, which rows are in no record, and how it was read.
-    reason : str
-        Reason for which it is not read, "" if it is.
-    """
+    """File as it was understood."""
 
     name: str
     pictures: Sequence[RecordPicture] = ()
-    mapping: str = ""
+    mapping: str = ""  # options of the command line; "" for a record of this package
     questions: Sequence[str] = ()
     left_out: Sequence[str] = ()
     notes: Sequence[str] = ()
-    reason: str = ""
+    reason: str = ""  # for which it is not read, "" if it is
 
     @property
     def unit(self) -> str:
@@ -131,9 +107,7 @@ class UnderstoodFile:
             position = record.position
             travel = "–" if position is None else number(1e3 * float(position.max() - position.min()), 1)
             peak = significant(float(record.force.max()), 3)
-            rows.append(
-                (str(k), [str(len(record)), number(record.duration, 2), peak, travel, str(len(picture.cuts))]),
-            )
+            rows.append((str(k), [str(len(record)), number(record.duration, 2), peak, travel, str(len(picture.cuts))]))
         return rows
 
 

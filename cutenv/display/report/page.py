@@ -16,6 +16,7 @@ from __future__ import annotations
 import base64
 import csv
 import functools
+import hashlib
 import html
 import io
 import math
@@ -54,26 +55,15 @@ class EmbeddedFigure(NamedTuple):
     kind: Literal["drawing", "photo"]
 
 
-def write_page(path: Path, template: str | Path, *, language: str = "en", **values: Any) -> None:
+def write_page(
+    path: Path, template: str | Path, *functions: Callable[..., Any], language: str = "en", **values: Any
+) -> None:
     """Write a page atomically, from a template.
 
-    Parameters
-    ----------
-    path : Path
-        Path of the page (.html), in a folder that exists.
-    template : str or Path
-        Template that extends ``page.html``: the name of one beside it, or the path of another.
-    language : str
-        Language of the page.
-    values : object
-        Values by the names that the template has for them.
-
-    Raises
-    ------
-    ImportError
-        If Jinja2 or, for a page with figures, matplotlib is not installed; the message gives the command that
-        installs it.
+    The template extends ``page.html``: the name of one here, or the path of another. It has ``functions`` by their
+    names, and the values.
     """
+    values = {each.__name__: each for each in functions} | values
     translation = Translation(language)
 
     def embedded(figure: Figure) -> EmbeddedFigure:
@@ -119,21 +109,28 @@ def estimate_text(mean: float, low: float, high: float, digits: int) -> str:
     return f"{number(mean, digits)} [{number(low, digits)}, {number(high, digits)}]"
 
 
+def as_base64(data: bytes) -> str:
+    """Return bytes as text for a page."""
+    return base64.b64encode(data).decode("ascii")
+
+
+def script_digest(code: str) -> str:
+    """Return a script's SHA-256 as base64, for a content security policy."""
+    return as_base64(hashlib.sha256(code.encode()).digest())
+
+
 def embedded_figure(figure: Figure) -> EmbeddedFigure:
     """Return a figure as a data address for a page."""
     drawing = io.BytesIO()
     kind: Literal["drawing", "photo"] = "photo" if any(axes.images for axes in figure.axes) else "drawing"
     figure.savefig(drawing, format="svg", metadata={"Date": None}, transparent=kind == "drawing")
-    address = "data:image/svg+xml;base64," + base64.b64encode(drawing.getvalue()).decode("ascii")
+    address = "data:image/svg+xml;base64," + as_base64(drawing.getvalue())
     width, height = 96.0 * figure.get_size_inches()
     return EmbeddedFigure(address, round(width), round(height), kind)
 
 
 def _parted(text: str) -> tuple[str, str]:
-    """Return value and interval of "-0.5 [-0.6, -0.4]", or text and "".
-
-    Minus signs are as in print.
-    """
+    """Return value and interval of "-0.5 [-0.6, -0.4]" in print, or text and ""."""
     found = _ESTIMATE.fullmatch(text)
     return (found[1].replace("-", "−"), found[2].replace("-", "−")) if found else (text, "")
 
@@ -159,18 +156,7 @@ _PARTS = (re.compile(r"(?<=;)\s+"), re.compile(r"(?<=,)\s+"))
 
 
 class Translation:
-    """Translation of English pages.
-
-    Parameters
-    ----------
-    language : str
-        Language of the result.
-
-    Attributes
-    ----------
-    left : list of str
-        Texts that no phrase fitted.
-    """
+    """Translation of English pages."""
 
     def __init__(self, language: str) -> None:
         self.language = language
@@ -277,10 +263,7 @@ class Translation:
         return found
 
     def _phrase(self, words: str) -> str | None:
-        """Return words translated by a phrase, best with known places.
-
-        Else by the first phrase that fits.
-        """
+        """Return words translated by a phrase, best with known places."""
         if words in self._phrases:
             return self._phrases[words]
         fits: list[tuple[str, list[str]]] = []
@@ -328,7 +311,6 @@ def _translation(language: str) -> Translation:
 
 
 def _bold(text: str) -> str:
-    """Return a text with private characters for its bold tags."""
     return text.replace("<b>", _BOLD[0]).replace("</b>", _BOLD[1])
 
 
@@ -357,15 +339,7 @@ PHONE_WIDTH = 6.0
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Return an empty figure of a size [in].
-
-    Pages have figures of two widths, for a desktop screen and a phone.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not installed; the message gives the command that installs it.
-    """
+    """Return an empty figure of a size [in]."""
     try:
         from matplotlib.figure import Figure  # an extra, and slow to import
     except ImportError as error:

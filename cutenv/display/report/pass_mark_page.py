@@ -1,7 +1,4 @@
-"""Pass marks as text, files for other programs, and a page.
-
-The page has figures: methods side by side, proficiency, raters, and the sources of validity.
-"""
+"""Pass marks as text, files for other programs, and a page."""
 
 from __future__ import annotations
 
@@ -28,7 +25,7 @@ from cutenv.display.report.page import (
     write_table,
     write_text,
 )
-from cutenv.display.report.study_page import amount, correlation_text, heading_of, in_print
+from cutenv.display.report.study_page import amount, correlation_text, heading_of, in_print, interval_text
 from cutenv.records.scoring import METRICS
 from cutenv.records.scoring.score_card import DISCLAIMER
 from cutenv.records.scoring.study import (
@@ -67,10 +64,7 @@ def mark_text(standard: Standard, mark: Estimate) -> str:
     """Return a mark with its interval, small in tables of pages."""
     factor, _ = in_print(standard)
     digits = 1 if standard.metric == "overall_score" else _digits(factor * mark.value)
-    shown = number(factor * mark.value, digits)
-    if mark.low is not None and mark.high is not None:
-        shown += f" [{number(factor * mark.low, digits)}, {number(factor * mark.high, digits)}]"
-    return shown
+    return interval_text(mark, lambda value: number(factor * value, digits))
 
 
 def observed_text(rate: ErrorRate) -> str:
@@ -116,10 +110,7 @@ def pass_mark_lines(setting: StandardSetting) -> list[str]:
 
 
 def write_people(path: Path, setting: StandardSetting) -> None:
-    """Write a CSV row for each metric and person, SI units.
-
-    With mean, passes, and the cut that reached the goal.
-    """
+    """Write a CSV row for each metric and person, in SI units."""
     heads = ["operator", "group", "metric", "unit", "mark", "mean"]
     rows: list[list[object]] = [[*heads, "passes", "cuts", "left", "longest_row", "reached_at"]]
     for standard in setting.standards:
@@ -387,31 +378,14 @@ def write_pass_mark_page(
 ) -> tuple[Path, Path]:
     """Write a self-contained page, rows of people (CSV), numbers (JSON).
 
-    Parameters
-    ----------
-    path : Path
-        Path of the page (.html), in a folder that exists.
-    setting : StandardSetting
-        What to write.
-    progress : callable
-        Wrapper of the metrics that shows how far the drawing is.
-    language : str
-        Language of the page.
-
-    Returns
-    -------
-    pair of Path
-        Paths of the CSV and of the JSON: the page's with their suffixes.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not installed; the message gives the command that installs it.
+    Return the paths of CSV and JSON, the page's with their suffixes; ``progress`` wraps the metrics, to show how far
+    the drawing is.
     """
     people, cuts = len(setting.operators), len(setting.cuts)
     write_page(
         path,
         "pass_mark.html",
+        *(heading_of, marks_table, proficiency_table, rater_table, curves_figure, proficiency_figure, raters_figure),
         language=language,
         setting=setting,
         progress=progress,
@@ -421,16 +395,9 @@ def write_pass_mark_page(
         fewest=FEWEST_FOR_AN_INTERVAL,
         evidence=validity_evidence(setting),
         meaning=_meaning,
-        heading_of=heading_of,
-        marks_table=marks_table,
-        proficiency_table=proficiency_table,
-        rater_table=rater_table,
         warnings=_warnings,
         who_reaches=partial(_who_reaches, setting),
         agreement=_agreement(setting),
-        curves_figure=curves_figure,
-        proficiency_figure=proficiency_figure,
-        raters_figure=raters_figure,
     )
     table, everything = path.with_suffix(".csv"), path.with_suffix(".json")
     write_people(table, setting)
@@ -490,7 +457,6 @@ def _warnings(standard: Standard) -> list[str]:
 
 
 def _who_reaches(setting: StandardSetting, standard: Standard) -> str:
-    """Return how many people of each group are proficient."""
     groups = dict.fromkeys(setting.group_of[each] for each in standard.series)
     parts = []
     for group in groups:

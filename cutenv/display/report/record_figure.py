@@ -1,14 +1,11 @@
-"""Figures of one cut, and of a whole record.
-
-A cut is seen from the side above its force; a record has tare, cuts and flaws, for confirmation.
-"""
+"""Figures of one cut, and of a whole record."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -42,10 +39,6 @@ def draw_cut(path: Path, cut: CutPicture, title: str) -> None:
     ----------
     path : Path
         Path of the picture; its suffix gives the format (.png).
-    cut : CutPicture
-        The cut.
-    title : str
-        Text above the picture.
 
     Raises
     ------
@@ -70,14 +63,8 @@ def draw_pictures(path: Path, pictures: Mapping[str, NDArray[np.uint8]]) -> None
 def cut_figure(cut: CutPicture, *, width: float = _WIDE, others: Sequence[CutPicture] = ()) -> Figure:
     """Draw one cut above its force trace, speed and angle.
 
-    Parameters
-    ----------
-    cut : CutPicture
-        The cut.
-    width : float
-        Width [in]; a figure for a phone has its legend in fewer columns.
-    others : sequence of CutPicture
-        Cuts to compare with: the axes cover them too, so that all have the same scales.
+    The axes cover ``others``, too, so that all have the same scales; a figure for a phone, by its width [in], has its
+    legend in fewer columns.
     """
     readings, depth = cut.readings, cut.depth
     phone = width < PHONE_WIDTH
@@ -101,14 +88,7 @@ def cut_figure(cut: CutPicture, *, width: float = _WIDE, others: Sequence[CutPic
 def floor_figure(shown: ShownDepth, tip: float, target_length: float, width: float) -> Figure:
     """Draw a cut from the side, with depth to its own scale.
 
-    Parameters
-    ----------
-    shown : ShownDepth
-        Depth of the cut at its end.
-    tip, target_length : float
-        Crack tip at the end, and target length [m].
-    width : float
-        Width [in].
+    The depth is that at the end, tip and target are lengths [m], the width is in inches.
     """
     figure = new_figure(width, 3.6)
     axes = figure.subplots()
@@ -151,7 +131,6 @@ def thinned(x: Array, y: Array, points: int = _POINTS) -> tuple[Array, Array]:
 
 
 def _set_scales(trace: Axes, motion: Axes, cuts: Sequence[StructArray], target_mm: float) -> None:
-    """Set the axes to cover all of the cuts."""
     low, high = _extremes(cuts, "force")
     trace.set_ylim(min(-0.5, 1.1 * low), 1.25 * high + 0.2)
     low, high = (100.0 * value for value in _extremes(cuts, "speed"))
@@ -161,7 +140,6 @@ def _set_scales(trace: Axes, motion: Axes, cuts: Sequence[StructArray], target_m
 
 
 def _extremes(cuts: Sequence[StructArray], name: str) -> tuple[float, float]:
-    """Return least and greatest reading of a field over cuts."""
     return min(float(cut[name].min()) for cut in cuts), max(float(cut[name].max()) for cut in cuts)
 
 
@@ -177,7 +155,6 @@ def _draw_force(axes: Axes, readings: StructArray, depth: Array, force_limit_per
 
 
 def _draw_motion(axes: Axes, readings: StructArray) -> None:
-    """Draw speed and angle over the blade's position."""
     blade_mm = 1e3 * readings["position"]
     axes.plot(*thinned(blade_mm, 100.0 * readings["speed"]), color="black", linewidth=0.8)
     axes.set_ylabel("speed [cm/s]")
@@ -188,7 +165,6 @@ def _draw_motion(axes: Axes, readings: StructArray) -> None:
 
 
 def _draw_side(axes: Axes, readings: StructArray, depth: Array) -> None:
-    """Draw the slab, cut, uncontrolled parts and blade from the side."""
     along_mm = 1e3 * np.arange(len(depth)) * SPACING
     depth_mm = 1e3 * depth
     tip_mm = 1e3 * float(readings["tip"][-1])
@@ -324,17 +300,15 @@ def _mark_cuts(axes: Axes, record: Trace, cuts: Sequence[slice]) -> None:
 
 def _number_cuts(axes: Axes, record: Trace, cuts: Sequence[slice]) -> None:
     for number, cut in enumerate(cuts, 1):
-        time = record.time[cut]
-        axes.text(
-            0.5 * (time[0] + time[-1]),
-            0.985,
-            str(number) if len(cuts) > _CROWDED else f"cut {number}\n{time[0]:.2f} to {time[-1]:.2f} s",
-            transform=axes.get_xaxis_transform(),
-            ha="center",
-            va="top",
-            fontsize=8,
-            color="#00573f",
-        )
+        first, last = record.time[cut][[0, -1]].tolist()
+        words = str(number) if len(cuts) > _CROWDED else f"cut {number}\n{first:.2f} to {last:.2f} s"
+        _write(axes, (0.5 * (first + last), 0.985), words, "#00573f", va="top")
+
+
+def _write(axes: Axes, at: tuple[float, float], words: str, colour: str, va: str = "baseline") -> None:
+    """Write words at a time [s] and a share of the picture's height."""
+    across = axes.get_xaxis_transform()
+    axes.text(*at, words, transform=across, ha="center", va=va, fontsize=8, color=colour)
 
 
 def _mark_flaws(axes: Axes, record: Trace, part: slice, found: Sequence[QualityIssue]) -> None:
@@ -357,27 +331,12 @@ def _name_flaws(axes: Axes, record: Trace, part: slice, found: Sequence[QualityI
     """Label flaws below the picture, stacked where they would overlap."""
     for number, flaw in enumerate(found):
         first, last = (float(record.time[part][row]) for row in flaw.rows)
-        axes.text(
-            0.5 * (first + last),
-            0.02 + 0.05 * (number % 3),
-            flaw.kind,
-            transform=axes.get_xaxis_transform(),
-            ha="center",
-            fontsize=8,
-            color="#8c3d00",
-        )
+        _write(axes, (0.5 * (first + last), 0.02 + 0.05 * (number % 3)), flaw.kind, "#8c3d00")
 
 
 def _legend(axes: Axes) -> None:
     """Add a legend with one entry a kind, above the picture."""
     handles, names = axes.get_legend_handles_labels()
     kinds = dict(zip(names, handles, strict=True))
-    axes.legend(
-        kinds.values(),
-        kinds.keys(),
-        loc="lower center",
-        bbox_to_anchor=(0.5, 1.0),
-        ncols=min(6, len(kinds)),
-        fontsize=8,
-        frameon=False,
-    )
+    place: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": min(6, len(kinds))}
+    axes.legend(kinds.values(), kinds.keys(), **place, fontsize=8, frameon=False)

@@ -1,7 +1,4 @@
-"""Pages of a scored cut, and of a summary of many.
-
-Each is a self-contained file; that of a cut has its figure.
-"""
+"""Pages of a scored cut, and of a summary of many."""
 
 from __future__ import annotations
 
@@ -45,19 +42,7 @@ _POINTS = 3000  # points of a line: more than a figure has pixels
 
 
 def score_figure(trace: Trace, card: ScoreCard, target_length: float | None, width: float) -> Figure:
-    """Draw one cut with its card, against position or time.
-
-    Parameters
-    ----------
-    trace : Trace
-        Record of the cut.
-    card : ScoreCard
-        Score card of the cut.
-    target_length : float or None
-        Target length [m].
-    width : float
-        Width [in].
-    """
+    """Draw one cut with its card, against position or time; width [in]."""
     along = trace.position is not None
     deep = along and card.depth_map is not None
     steered = along and card.path_map is not None
@@ -110,7 +95,6 @@ def _draw_depth(axes: Axes, found: DepthMap) -> None:
 
 
 def _draw_path(axes: Axes, found: PathMap) -> None:
-    """Draw a cut's distance to its line, with the success limit."""
     x = 100.0 * SPACING * np.arange(len(found.aside))
     axes.axhline(0.0, color=_TARGET, linewidth=1.2, linestyle="--", label="line")
     axes.plot(x, 1e3 * found.aside, color=_SPEED, linewidth=1.4, label="cut, left of the line")
@@ -221,27 +205,7 @@ class ScoredRecord:
 
 
 def write_score_page(path: Path, scored: ScoredRecord, *, language: str = "en") -> Path:
-    """Write the page of one cut, and its card as JSON.
-
-    Parameters
-    ----------
-    path : Path
-        Path of the page (.html), in a folder that exists.
-    scored : ScoredRecord
-        Record and card to write.
-    language : str
-        Language of the page; the JSON is English.
-
-    Returns
-    -------
-    Path
-        Path of the JSON: the page's with the suffix ``.json``.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not installed; the message gives the command that installs it.
-    """
+    """Write the page of one cut, and its card as JSON, whose path is returned."""
     card, trace = scored.card, scored.trace
     kind = "open" if card.overall_score is None else ("good" if card.overall_score >= 50.0 else "bad")
     if kind == "good" and (_SPOILS & {f.kind for f in card.faults} or any(n.startswith(DOUBT) for n in card.notes)):
@@ -271,11 +235,8 @@ def write_summary(
 ) -> tuple[Path, Path]:
     """Write ``scores.csv`` and ``summary.html`` of several cuts into a folder.
 
-    Each cut comes with its page's name. The page is in a language, the table in English.
-
-    Returns
-    -------
-    table, page : Path
+    Each cut comes with its page's name. The page is in a language, the table in English. Return the paths of table and
+    page.
     """
     valued = {name for r, _ in records for name, scored in r.card.metrics.items() if scored.value is not None}
     columns = [name for name in all_metrics() if name in valued]
@@ -314,7 +275,6 @@ def write_summary(
 
 
 def _mean(cards: Sequence[ScoreCard], name: str) -> str:
-    """Return the mean of a metric as shown, where available."""
     values = [value for card in cards if (value := card.metrics[name].value) is not None]
     return _digits(shown_unit(cards[0].unit(name)).from_si(sum(values) / len(values))) if values else ""
 
@@ -345,12 +305,7 @@ def _digits(value: float) -> str:
     return number(value, 0 if whole else 1 if abs(value) >= 10.0 else 2 if abs(value) >= 1.0 else 3)
 
 
-_SHARED: dict[str, Any] = {
-    "disclaimer": DISCLAIMER,
-    "handy": _handy,
-    "leading": ON_TOP,
-    "metrics": all_metrics(),
-}
+_SHARED: dict[str, Any] = {"disclaimer": DISCLAIMER, "handy": _handy, "leading": ON_TOP, "metrics": all_metrics()}
 """Context of both pages."""
 
 

@@ -1,7 +1,4 @@
-"""Study of people as text, as CSV of cards, as page.
-
-The page has figures: separation of groups, reliability of metrics, change from cut to cut.
-"""
+"""Study of people as text, as CSV of cards, as page with figures."""
 
 from __future__ import annotations
 
@@ -17,7 +14,6 @@ from cutenv._base.result_table import ColumnHead, Reason, ResultRow, ResultTable
 from cutenv._base.unit_table import Unit, shown_unit
 from cutenv.display.report.page import (
     PHONE_WIDTH,
-    estimate_text,
     label,
     new_figure,
     number,
@@ -151,10 +147,7 @@ class CrossedConditions(NamedTuple):
 
 
 def crossed_conditions(study: Study) -> CrossedConditions | None:
-    """Return a crossover's table, None without two conditions.
-
-    A row is marked where the interval of the difference excludes 0.
-    """
+    """Return a crossover's table, marked where 0 is excluded; None without two conditions."""
     found = crossovers(study)
     conditions = tuple(sorted({cut.condition for cut in study.cuts if cut.condition}))
     if len(conditions) != 2:
@@ -201,10 +194,7 @@ def _orders_of(each: Crossover) -> str:
 def _in_unit(estimate: Estimate | None, unit: Unit) -> str:
     if estimate is None:
         return "not known"
-    if estimate.low is None or estimate.high is None:
-        return number(unit.from_si(estimate.value), 2)
-    low, high = (unit.from_si(end) for end in (estimate.low, estimate.high))
-    return estimate_text(unit.from_si(estimate.value), low, high, 2)
+    return interval_text(estimate, lambda value: number(unit.from_si(value), 2))
 
 
 def _excludes_zero(estimate: Estimate) -> bool:
@@ -303,18 +293,16 @@ def correlation(value: float) -> str:
     return f"< {number(-1.0, 0)}" if value < -1.0 else number(value, 2)
 
 
-def correlation_text(each: Estimate) -> str:
-    """Return a correlation as text, with any interval."""
-    if each.low is None or each.high is None:
-        return correlation(each.value)
-    return f"{correlation(each.value)} [{correlation(each.low)}, {correlation(each.high)}]"
-
-
-def interval_text(each: Estimate) -> str:
+def interval_text(each: Estimate, shown: Callable[[float], str] = lambda value: number(value, 2)) -> str:
     """Return a value as text, with any interval."""
     if each.low is None or each.high is None:
-        return number(each.value, 2)
-    return estimate_text(each.value, each.low, each.high, 2)
+        return shown(each.value)
+    return f"{shown(each.value)} [{shown(each.low)}, {shown(each.high)}]"
+
+
+def correlation_text(each: Estimate) -> str:
+    """Return a correlation as text, with any interval."""
+    return interval_text(each, correlation)
 
 
 def three_digits(value: float) -> str:
@@ -470,6 +458,8 @@ def _quantity(found: Findings) -> str:
     return label(spoken(found.metric)) + (f" [{unit}]" if unit else "")
 
 
+_TABLES = (heading_of, means_table, separation_table, reliability_table, people_table)
+_FIGURES = (groups_figure, learning_figure, reliability_figure)
 _BETTER = {"lower": "less is better", "higher": "more is better", "none": "neither way is better"}
 
 
@@ -482,26 +472,8 @@ def write_study(
 ) -> Path:
     """Write a study as one self-contained page, its cards as CSV.
 
-    Parameters
-    ----------
-    path : Path
-        Path of the page (.html), in a folder that exists.
-    study : Study
-        Study to write.
-    progress : callable
-        Wrapper of the metrics that shows how far the drawing is.
-    language : str
-        Language of the page.
-
-    Returns
-    -------
-    Path
-        Path of the CSV: the page's with the suffix ``.csv``; the unit is in the name of each column that has one.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not installed; the message gives the command that installs it.
+    Return the path of the CSV, whose columns name their units; ``progress`` wraps the metrics, to show how far the
+    drawing is.
     """
     cuts, people = count(len(study.cuts), "cut"), count(len(study.operators), study.who)
     groups = _groups(study)
@@ -509,6 +481,8 @@ def write_study(
     write_page(
         path,
         "study.html",
+        *_TABLES,
+        *_FIGURES,
         language=language,
         study=study,
         subtitle=f"{cuts} of {people}{by}. {DISCLAIMER}",
@@ -522,15 +496,7 @@ def write_study(
         without_reliability=shared_reason([found.reliability for found in study.findings]),
         caption=_caption,
         changes=_changes,
-        heading_of=heading_of,
-        means_table=means_table,
-        separation_table=separation_table,
-        reliability_table=reliability_table,
-        people_table=people_table,
-        groups_figure=groups_figure,
-        learning_figure=learning_figure,
         crossed=crossed_conditions(study),
-        reliability_figure=reliability_figure,
     )
     cards = path.with_suffix(".csv")
     write_cards(cards, study)
@@ -656,5 +622,4 @@ def _meaning(found: Findings) -> str:
 
 
 def _interval(each: Estimate) -> str:
-    """Return an estimate within a sentence."""
     return correlation_text(each).replace("[", "(").replace(",", " to").replace("]", ")")

@@ -1,11 +1,9 @@
-"""Sheet of each trainee of a study, and class list.
-
-A sheet is a page to print and hand out.
-"""
+"""Sheet of each trainee of a study, and class list, to print."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,31 +26,7 @@ _FEWEST_OF_CLASS = 3  # people whose mean shows nobody
 def write_trainee_sheet(
     folder: Path, study: Study, operator: str, *, mark: float | None = None, language: str = "en"
 ) -> Path:
-    """Write a person's sheet: history, learning curve, what to try next.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder, which exists; the page is called after the person's code.
-    study : Study
-        The study.
-    operator : str
-        Code of the person.
-    mark : float, optional
-        Pass mark of the overall score.
-    language : str
-        Language of the page.
-
-    Returns
-    -------
-    Path
-        Path of the page.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not installed; the message gives the command that installs it.
-    """
+    """Write a person's sheet, called after the code; return its path."""
     own = [cut for cut in study.cuts if cut.operator == operator]
     cards = [cut.card for cut in own]
     rest = mean_points([cut.card for cut in study.cuts])
@@ -88,14 +62,7 @@ def write_trainee_sheet(
 def write_class_list(
     folder: Path, study: Study, *, mark: float | None = None, language: str = "en"
 ) -> tuple[Path, Path]:
-    """Write the class list as ``class.html`` and ``class.csv`` into a folder.
-
-    The CSV is in English.
-
-    Returns
-    -------
-    page, table : Path
-    """
+    """Write ``class.html`` and ``class.csv``, in English, into a folder; return the paths."""
     rows = [_row(study, operator, mark) for operator in study.operators]
     page, table = folder / "class.html", folder / "class.csv"
     write_table(table, [list(rows[0]), *(list(row.values()) for row in rows)])
@@ -115,10 +82,7 @@ def write_class_list(
 
 
 def sheet_figure(study: Study, operator: str, mark: float | None, width: float) -> Figure:
-    """Draw one person's scores above class mean and mark.
-
-    Marks of successful cuts are filled.
-    """
+    """Draw one person's scores, success filled, above class mean and mark."""
     own = [cut.card for cut in study.cuts if cut.operator == operator]
     figure = new_figure(width, 2.6)
     axes = figure.subplots()
@@ -152,13 +116,18 @@ def _attempts(study: Study, operator: str) -> list[tuple[int, StudiedCut | str]]
 
 def _by_number(study: Study) -> list[float]:
     """Return mean scores by cut number, where enough people made it."""
+    return class_means(
+        [
+            [None if isinstance(cut, str) else cut.card.overall_score for _, cut in _attempts(study, each)]
+            for each in study.operators
+        ]
+    )
+
+
+def class_means(people: Sequence[Sequence[float | None]]) -> list[float]:
+    """Return mean scores by cut number while three people or more remain."""
     means: list[float] = []
-    rows = [
-        [None if isinstance(cut, str) else cut.card.overall_score for _, cut in _attempts(study, each)]
-        for each in study.operators
-    ]
-    for k in range(max(map(len, rows))):
-        there = [row[k] for row in rows if k < len(row)]
+    for there in zip_longest(*people):
         scores = [score for score in there if score is not None]
         if len(scores) < _FEWEST_OF_CLASS:
             break
@@ -199,16 +168,12 @@ def _passes(study: Study, operator: str, scores: Sequence[float], mark: float | 
 
 
 def _proficiency(study: Study, operator: str, scores: Sequence[float], mark: float) -> Proficiency:
-    """Return a person's passes by the rounded scores on the page.
-
-    A cut that was left passes none.
-    """
+    """Return a person's passes by the rounded scores; a left cut passes none."""
     left = study.left_among(OVERALL).get(operator, ())
     return proficiency([whole_score(score) for score in scores], mark, better="higher", left=left)
 
 
 def _row(study: Study, operator: str, mark: float | None) -> dict[str, Any]:
-    """Return a person's class-list row: text by heading."""
     cards = [cut.card for cut in study.cuts if cut.operator == operator]
     scores = [card.overall_score for card in cards if card.overall_score is not None]
     row: dict[str, Any] = {study.who: operator}

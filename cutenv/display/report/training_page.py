@@ -1,7 +1,4 @@
-"""Page of a training run.
-
-The agent's results beside scripts, on specimens that it has never seen.
-"""
+"""Page of a training run: agent beside scripts, on held-out specimens."""
 
 from __future__ import annotations
 
@@ -11,14 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from cutenv._base.result_table import ResultTable
-from cutenv.display.report.page import (
-    LIMITS,
-    MEANINGS,
-    further_meanings,
-    number,
-    term_meanings,
-    write_page,
-)
+from cutenv.display.report.page import LIMITS, MEANINGS, further_meanings, number, term_meanings, write_page
 from cutenv.display.report.record_figure import cut_figure, floor_figure, mean_depth_error_mm
 from cutenv.display.report.training_result import (
     SPECIMEN_CLASS,
@@ -47,8 +37,6 @@ def write_training_page(path: Path, result: TrainingResult) -> None:
     ----------
     path : Path
         Path of the page (.html), in a folder that exists; an older one is replaced as a whole.
-    result : TrainingResult
-        Result to write.
 
     Raises
     ------
@@ -59,6 +47,7 @@ def write_training_page(path: Path, result: TrainingResult) -> None:
     write_page(
         path,
         "training.html",
+        *(returns_figure, costs_figure, cut_figure, floor_figure, mean_depth_error_mm, curve_figure),
         result=result,
         headline=training_headline(result),
         stronger=_stronger_scripts(result),
@@ -70,12 +59,6 @@ def write_training_page(path: Path, result: TrainingResult) -> None:
         shade=partial(grid_shade, [row["mean"] for row in grid]),
         meanings=(*MEANINGS, *further_meanings(one.name for one in result.columns)),
         limits=LIMITS,
-        returns_figure=returns_figure,
-        costs_figure=costs_figure,
-        cut_figure=cut_figure,
-        floor_figure=floor_figure,
-        mean_depth_error_mm=mean_depth_error_mm,
-        curve_figure=curve_figure,
         **_costs(result),
     )
 
@@ -167,28 +150,22 @@ def _stronger_scripts(result: TrainingResult) -> list[str]:
 
 def _costs(result: TrainingResult) -> dict[str, Any]:
     """Return the reward's costs, largest first, with bars, and all terms."""
-    policies = result.compared()
+    policies, titles = result.compared(), term_meanings()
     costs = [term for term in result.terms() if term not in GAINS]
     largest = {term: max(result.bar(policy, f"reward_{term}", -1.0).mean for policy in policies) for term in costs}
     shown = [term for term in sorted(costs, key=lambda term: -largest[term]) if largest[term] >= _SHOWN_COST]
     unpaid = [term for term in costs if term not in shown]
     bars = [[result.bar(policy, f"reward_{term}", -1.0) for term in shown] for policy in policies]
     earned = [term for term in result.terms() if term in GAINS]
-    terms = [(_title(term), Score(f"reward_{term}", "", "", 3)) for term in (*earned, *shown, *unpaid)]
+    terms = [(titles[term], Score(f"reward_{term}", "", "", 3)) for term in (*earned, *shown, *unpaid)]
     terms.append(("return", Score("return", "", "", 3)))
     return {
-        "costs": [_title(term) for term in shown],
-        "unpaid": [_title(term) for term in unpaid],
+        "costs": [titles[term] for term in shown],
+        "unpaid": [titles[term] for term in unpaid],
         "cost_bars": bars,
         "dearest": [f"{own[0].policy} {own[0].mean:.2f}" for own in bars if own],
         "terms": [(title, [score.cell(result.score(p, score.name)) for p in policies]) for title, score in terms],
     }
-
-
-def _title(term: str) -> str:
-    """Return the title of a reward term on pages."""
-    title: str = term_meanings()[term]
-    return title
 
 
 def grid_shade(means: Sequence[float], mean: float) -> str:

@@ -1,7 +1,4 @@
-"""Result of a training run as plain, checked data.
-
-It is checked on construction, so that page and figures can rely on it.
-"""
+"""Result of a training run as plain data, checked on construction."""
 
 from __future__ import annotations
 
@@ -40,10 +37,7 @@ _CURE = "An interval needs two specimens or more; look for a NaN in the scores."
 
 @dataclass(frozen=True)
 class Score:
-    """Score as a column.
-
-    Its name in the data, its heading, unit and digits shown.
-    """
+    """Score as a column: name in the data, heading, unit, digits shown."""
 
     name: str
     heading: str
@@ -81,10 +75,7 @@ COLUMNS = (
 )
 """Scores of the comparison, in its order."""
 
-DIFFERENCES = (
-    Score("return", "return", "", 3),
-    Score("success", "success", "percentage points", 0),
-)
+DIFFERENCES = (Score("return", "return", "", 3), Score("success", "success", "percentage points", 0))
 """Scores of the paired differences, in their order."""
 
 
@@ -337,10 +328,7 @@ class TrainingResult:
 
 
 def _check_rows(name: str, rows: Rows, words: Sequence[str], numbers: Sequence[str]) -> None:
-    """Raise an error for missing, repeated or invalid rows.
-
-    Invalid are bad fields, and a mean outside its interval.
-    """
+    """Raise an error for missing, repeated or invalid rows."""
     if not rows:
         raise ValueError(f"{name} is empty; give its rows.")
     seen = set()
@@ -363,10 +351,7 @@ def _check_rows(name: str, rows: Rows, words: Sequence[str], numbers: Sequence[s
 
 
 def _check_whole(grid: Rows) -> None:
-    """Raise an error for missing or repeated grid cells.
-
-    A cell is a pair of speed and angle.
-    """
+    """Raise an error for missing or repeated grid cells."""
     pairs = [(row["speed_cm_s"], row["angle_deg"]) for row in grid]
     for speed in dict.fromkeys(speed for speed, _ in pairs):
         for angle in dict.fromkeys(angle for _, angle in pairs):
@@ -426,14 +411,7 @@ def returns_figure(bars: Sequence[Bar], width: float, quantity: str = "return") 
 def costs_figure(terms: Sequence[str], policies: Sequence[Sequence[Bar]], width: float) -> Figure:
     """Draw costs as bars, grouped by term.
 
-    Parameters
-    ----------
-    terms : sequence of str
-        Terms in the reader's words, from above.
-    policies : sequence of sequence of Bar
-        Costs of each policy, one for each term.
-    width : float
-        Width [in].
+    The terms are in the reader's words, from above, and each policy has a cost for each; width in inches.
     """
     phone = width < PHONE_WIDTH
     figure = new_figure(width, 1.0 + len(terms) * (0.12 + 0.14 * len(policies)) + (0.2 * len(policies) * phone))
@@ -481,7 +459,6 @@ def curve_figure(curve: Sequence[Mapping[str, float]], chosen_at: int | None, wi
 
 
 def _column(curve: Sequence[Mapping[str, float]], name: str) -> tuple[list[float], list[float]]:
-    """Return decisions and values of a column without gaps."""
     rows = [row for row in curve if math.isfinite(row.get(name, math.nan))]
     return [row["decisions"] for row in rows], [row[name] for row in rows]
 

@@ -1,7 +1,4 @@
-"""Smooth lines, areas and text on a pygame surface.
-
-The only module that draws with pygame.
-"""
+"""Smooth lines, areas and text, the only drawing with pygame."""
 
 from __future__ import annotations
 
@@ -22,13 +19,7 @@ _FINER = 3  # [1] factor by which areas and letters are drawn larger before they
 
 
 def import_pygame() -> ModuleType:
-    """Return pygame.
-
-    Raises
-    ------
-    ImportError
-        If pygame is not installed; the message gives the command that installs it.
-    """
+    """Return pygame."""
     try:
         import pygame
     except ImportError as error:
@@ -37,15 +28,7 @@ def import_pygame() -> ModuleType:
 
 
 class Canvas:
-    """Picture in memory; needs no display.
-
-    Parameters
-    ----------
-    width, height : int
-        Size [px].
-    background : tuple of int
-        Red, green, blue, 0 to 255.
-    """
+    """Picture in memory of a size [px]; needs no display."""
 
     def __init__(self, width: int, height: int, background: Colour) -> None:
         self._pygame: Any = import_pygame()

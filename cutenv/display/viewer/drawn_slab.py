@@ -1,7 +1,4 @@
-"""Specimen seen from above.
-
-A lattice that follows the displacement of the finite-element model.
-"""
+"""Specimen seen from above, as the finite-element model displaces it."""
 
 from __future__ import annotations
 
@@ -122,7 +119,8 @@ class Slab:
     def _aside(self, across: Array, along: Array, tip: float) -> Array:
         """Return the open cut's sideways push at each place [m]."""
         away: Array = OPENED_ASIDE({"across": across, "half_width": 0.5 * self.model.width})
-        return half_gap(along, tip) * away
+        gap: Array = HALF_GAP({"along": along, "tip": max(tip, 0.0)})
+        return gap * away
 
     def line_across(self, displacement: Array, along: float) -> Array:
         """Return a displaced line across at ``along`` [m], shape (n, 2) [m]."""
@@ -134,19 +132,8 @@ class Slab:
         return line
 
 
-@lru_cache(maxsize=4)
-def drawn_slab_of(model: CutModel) -> Slab:
-    """Return the slab of a model; it is cached."""
-    return Slab(model)
-
-
-def half_gap(along: Array, tip: float) -> Array:
-    """Return half the elliptic gap [m] from clamp to ``tip`` [m].
-
-    It is zero elsewhere.
-    """
-    gap: Array = HALF_GAP({"along": along, "tip": max(tip, 0.0)})
-    return gap
+drawn_slab_of = lru_cache(maxsize=4)(Slab)
+"""Slab of a model; it is cached."""
 
 
 def _interval(lines: Array, places: Array) -> NDArray[np.int64]:

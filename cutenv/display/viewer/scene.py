@@ -1,7 +1,4 @@
-"""Content and layout of a picture of a cut.
-
-Numbers and geometry, without drawing.
-"""
+"""Content and layout of a picture of a cut, without drawing."""
 
 from __future__ import annotations
 
@@ -264,12 +261,8 @@ def quantities_of_depth(shown: ShownDepth) -> dict[str, Any]:
         "depth_at": shown.surface, "limited_at": shown.surface - shown.wanted, "floor_at": shown.floor,
         "wanted_at": shown.wanted, "layer_at": shown.layer,
     }  # fmt: skip
-    along = {name: partial(_height, each) for name, each in heights.items()}
+    along = {name: partial(depth_below, each) for name, each in heights.items()}
     return {"level": shown.level, "bottom": -BELOW} | along
-
-
-def _height(heights: Array, along: Any) -> Any:
-    return depth_below(heights, along)
 
 
 def derived_quantities(values: Mapping[str, Any]) -> dict[str, Any]:

@@ -19,7 +19,7 @@ import itertools
 import math
 import operator
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -54,20 +54,8 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
 class SceneFormula:
     """Formula of numbers, names, the four operations, and some functions.
 
-    Parameters
-    ----------
-    text : str
-        As in Python: ``"blade - depth / tan(angle)"``.
-
-    Attributes
-    ----------
-    tree : Tree
-        The formula as JSON can hold it.
-
-    Raises
-    ------
-    ValueError
-        If the text holds anything else.
+    The text is as in Python, ``"blade - depth / tan(angle)"``; ``tree`` is the formula as JSON can hold it. Raises
+    ValueError if the text holds anything else.
     """
 
     def __init__(self, text: str) -> None:
@@ -192,52 +180,24 @@ OPENED_ASIDE = SceneFormula(f"{_AWAY} * {_AWAY}")
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ScenePart:
-    """Area, line, mark or label of the scene.
-
-    Attributes
-    ----------
-    name : str
-    view : {"above", "side", "chart"}
-    own : tuple of str
-        Names of a point's own numbers.
-    rows : tuple
-        Those numbers, point by point.
-    place : tuple of str
-        Two formulas of quantities and own numbers.
-    carried : bool
-        True for places in the tissue at rest, of a point's own ``side`` (-1, 1), that are drawn where the tissue is.
-    fill, line : str
-        Roles of the colours of an area, and of a line or an area's edge; empty for none. "tint" is the blade's.
-    width, dash : float
-        Of a line [px].
-    opacity : float
-    mark : tuple
-        Outline around each place [px], which then is a mark of constant size.
-    words, align : str
-        Key of the label at the place, and what of the label is there: "center" (its foot) or "left" (its middle).
-    shown : {"", "truth", "hand", "force", "depth", "layer"}
-        Condition: hidden truth is shown, a person's hand leads, the force is shown, a depth is wanted, the layer below
-        is shown.
-    standing : bool
-        True if it stays during a cut.
-    """
+    """Area, line, mark or label of the scene."""
 
     name: str
-    view: str
-    own: tuple[str, ...] = ()
-    rows: PointRows = ((),)
-    place: tuple[str, str]
-    carried: bool = False
-    fill: str = ""
-    line: str = ""
-    width: float = 1.0
-    dash: float = 0.0
+    view: str  # "above", "side" or "chart"
+    own: tuple[str, ...] = ()  # names of a point's own numbers
+    rows: PointRows = ((),)  # those numbers, point by point
+    place: tuple[str, str]  # formulas of quantities and own numbers
+    carried: bool = False  # from tissue at rest, of a point's own side (-1, 1), to where the tissue is
+    fill: str = ""  # role of an area's colour, "" for none; "tint" is the blade's
+    line: str = ""  # role of the colour of a line, or of an area's edge
+    width: float = 1.0  # [px]
+    dash: float = 0.0  # [px]
     opacity: float = 1.0
-    mark: PointRows = ()
-    words: str = ""
-    align: str = "center"
-    shown: str = ""
-    standing: bool = False
+    mark: PointRows = ()  # outline around each place [px], of constant size
+    words: str = ""  # key of the label at the place
+    align: str = "center"  # of the label, at the place: its foot, or "left", its middle
+    shown: str = ""  # condition: "truth", "hand", "force", "depth" (is wanted) or "layer" (below)
+    standing: bool = False  # stays during a cut
 
     @property
     def formulas(self) -> tuple[SceneFormula, SceneFormula]:
@@ -245,11 +205,8 @@ class ScenePart:
         return _formula(self.place[0]), _formula(self.place[1])
 
 
-class Hatched(NamedTuple):
-    """Clamp's edge length [m] and lower jaw's height [m], as drawn."""
-
-    length: float = 0.0054
-    height: float = 0.012
+CLAMP = {"length": 0.0054, "height": 0.012}
+"""Length of the clamp's edge and height of its lower jaw, as drawn [m]."""
 
 
 def blade_edge(count: int = 24) -> Array:
@@ -286,10 +243,7 @@ _SHARES = np.linspace(0.0, 1.0, 25).tolist()
 _ACROSS = [*((-1.0, share) for share in reversed(_SHARES)), *((1.0, share) for share in _SHARES)]
 _FACES = [*((-1.0, 1.0 - math.cos(t)) for t in np.linspace(0, math.pi, 61).tolist())]
 _FACES += [(1.0, share) for _, share in reversed(_FACES)]
-_SCALPEL = (
-    "scalpel_along + y * sin(angle) + z * cos(angle)",
-    "scalpel_height - y * cos(angle) + z * sin(angle)",
-)
+_SCALPEL = ("scalpel_along + y * sin(angle) + z * cos(angle)", "scalpel_height - y * cos(angle) + z * sin(angle)")
 _SPRING = _rows((s, 0.0 if k in (0, 11) else (-1.0) ** k) for k, s in enumerate(np.linspace(0.0, 1.0, 12)))
 _BAND: PointRows = ((-1, 0), (1, 0), (1, 1), (-1, 1))
 _UPRIGHT: PointRows = ((0,), (1,))
@@ -460,7 +414,7 @@ def scene_data() -> dict[str, Any]:
         "chord": CHORD,
         "largest_displacement": LARGEST_DISPLACEMENT,
         "ruler": {"step": RULER_STEP, "labelled": RULER_LABELLED},
-        "clamp": Hatched()._asdict(),
+        "clamp": CLAMP,
         "chart": {
             "low": CHART_FLOOR, "high": CHART_CEILING, "step": CHART_STEP, "filled": CHART_FILLED,
             "samples": CHART_SAMPLES,

@@ -1,7 +1,4 @@
-"""Views of a cut.
-
-The scene's parts from above, from the side and in the chart on a canvas; words, numbers beside.
-"""
+"""Views of a cut on a canvas: parts, words, numbers."""
 
 from __future__ import annotations
 
@@ -20,13 +17,13 @@ from cutenv.display.viewer.palette import Colour
 from cutenv.display.viewer.scene import ForceTrace, Layout, Moment, rest_places, scene_label
 from cutenv.display.viewer.scene_parts import (
     CHORD,
+    CLAMP,
     LARGEST_DISPLACEMENT,
     PARTS,
     RULER_LABELLED,
     RULER_STEP,
     TINT,
     WORDS,
-    Hatched,
     SceneFormula,
     ScenePart,
 )
@@ -37,28 +34,16 @@ from cutenv.task.episode import ShownPath
 _LETTERS, _LABEL_LETTERS = 16, 19
 _CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))  # corners of a cell, in order around it
 _ANCHORS = {"center": "midbottom", "left": "midleft"}
-_CLAMP = Hatched()
 _TINT = [(role, SceneFormula(text)) for role, text in TINT]
 
 
 class Sheet(NamedTuple):
-    """Canvas with the moment to be drawn on it.
-
-    Attributes
-    ----------
-    canvas, layout : Canvas, Layout
-    quantities : dict
-        Those of the moment.
-    shown : collection of str
-        Conditions that hold: "truth", "hand", "force", "layer", and those of the moment.
-    blade : tuple of int
-        Colour of the blade.
-    """
+    """Canvas with the moment to be drawn on it."""
 
     canvas: Canvas
     layout: Layout
-    quantities: dict[str, Any]
-    shown: Collection[str] = ()
+    quantities: dict[str, Any]  # those of the moment
+    shown: Collection[str] = ()  # conditions that hold: "truth", "hand", "force", "layer", and the moment's
     blade: Colour = palette.STEEL
 
 
@@ -72,10 +57,10 @@ def tint(force: float, quantities: Mapping[str, Any]) -> Colour:
 
 def draw_clamp(canvas: Canvas, layout: Layout, width: float) -> None:
     """Draw the clamp in both views, with its name."""
-    edge = layout.along(-_CLAMP.length)
+    edge = layout.along(-CLAMP["length"])
     top, bottom = (float(layout.place("above", np.array([sign * width, 0.0]))[1]) for sign in (-0.5, 0.5))
     canvas.hatch(edge, top - 2, layout.clamp, bottom + 2, palette.QUIET)
-    jaw = float(layout.place("side", np.array([0.0, _CLAMP.height]))[1])
+    jaw = float(layout.place("side", np.array([0.0, CLAMP["height"]]))[1])
     canvas.hatch(edge, jaw, layout.clamp, layout.blade_end, palette.QUIET)
     canvas.text("clamp", (edge - 4, bottom - 30), size=_LETTERS, colour=palette.QUIET, anchor="midright", upwards=True)
 
@@ -118,10 +103,7 @@ def draw_from_above(sheet: Sheet, slab: Slab) -> None:
 
 
 def draw_from_the_side(sheet: Sheet, box: tuple[float, float]) -> None:
-    """Draw blade, target and the rest within ``box`` [px].
-
-    The box gives the upper and the right end.
-    """
+    """Draw blade, target and the rest between top and right end [px]."""
     sheet.canvas.clip(0, box[0], box[1], sheet.layout.blade_end + 1)
     draw_parts(sheet, "side")
     sheet.canvas.unclip()
@@ -130,16 +112,8 @@ def draw_from_the_side(sheet: Sheet, box: tuple[float, float]) -> None:
 def draw_parts(sheet: Sheet, view: str, *, standing: bool = False, tissue: tuple[Slab, Points] | None = None) -> None:
     """Draw the parts of a view.
 
-    Either those that stay during a cut or the others.
-
-    Parameters
-    ----------
-    sheet : Sheet
-    view : {"above", "side", "chart"}
-    standing : bool
-        True for the parts that stay.
-    tissue : tuple, optional
-        Slab and displacement of its lattice, for parts that it carries.
+    Either those that stay during a cut or the others. ``tissue`` is the slab and the displacement of its lattice, for
+    parts that it carries.
     """
     canvas, layout, quantities = sheet.canvas, sheet.layout, sheet.quantities
     if view == "chart":
@@ -251,16 +225,9 @@ def draw_plan(
 ) -> None:
     """Draw the view.
 
-    Parameters
-    ----------
-    sheet : Sheet
-    shown : ShownPath
-    slab : Slab
-    truth : bool
-        True: the tissue is at rest, and the hidden tip is marked. False: the tissue gives way to the blade, as a person
-        sees it, so that the cut reaches the blade; how far around it is an illustration.
-    hand : tuple of float, optional
-        Place of the hand that leads, along and across [m].
+    With ``truth`` the tissue is at rest, and the hidden tip is marked; else the tissue gives way to the blade, as a
+    person sees it, so that the cut reaches the blade; how far around it is an illustration. ``hand`` is the place of
+    the hand that leads, along and across [m].
     """
     canvas, layout, width, length = sheet.canvas, sheet.layout, slab.model.width, slab.model.length
     corners = np.array([[0.0, 0.5], [1.0, 0.5], [1.0, -0.5], [0.0, -0.5]]) * (length, width)
@@ -408,5 +375,4 @@ def draw_legend(canvas: Canvas, layout: Layout) -> None:
 
 
 def _rounded(value: float, digits: int) -> float:
-    """Return a rounded value, with a zero without a sign."""
     return round(value, digits) + 0.0

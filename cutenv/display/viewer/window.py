@@ -1,7 +1,4 @@
-"""Window that shows pictures at a steady rate.
-
-In it is a cut: slab, blade, force, numbers and reward.
-"""
+"""Window that shows pictures at a steady rate, and a cut in it."""
 
 from __future__ import annotations
 
@@ -29,11 +26,8 @@ _UNSEEN = ("dummy", "offscreen")  # video drivers of SDL that show nothing
 def open_display() -> None:
     """Open the display; a second time does nothing.
 
-    Raises
-    ------
-    OSError
-        If there is no display. SDL would draw invisibly and wait for keys for ever; the variable SDL_VIDEODRIVER
-        allows that.
+    Raises OSError if there is no display: SDL would draw invisibly and wait for keys for ever, which the variable
+    SDL_VIDEODRIVER allows.
     """
     pygame: Any = import_pygame()
     try:
@@ -58,21 +52,9 @@ class Window:
     It can be resized, and F11 fills the screen.
 
     A picture is scaled to the window and keeps its proportions. On a screen that has room for a multiple of it, the
-    window opens at that multiple; on one that is too small, as large as the screen.
-
-    Parameters
-    ----------
-    width, height : int
-        Size of the pictures [px].
-    fps : float
-        Pictures per second; showing one waits until it is due; 0: no waiting.
-
-    Attributes
-    ----------
-    open : bool
-        False after the window was closed, by `close` or by the person.
-    full_screen : bool
-        True while the window fills the screen.
+    window opens at that multiple; on one that is too small, as large as the screen. Sizes in px; showing a picture
+    waits until it is due, with 0 pictures per second never. It is ``open`` until closed, by :meth:`close` or by the
+    person.
     """
 
     def __init__(self, width: int, height: int, fps: float) -> None:
@@ -86,7 +68,6 @@ class Window:
         self.open, self.full_screen = True, False
 
     def _size(self) -> tuple[int, int]:
-        """Return the size at which the window opens [px]."""
         width, height = self._picture
         across, down = self._pygame.display.get_desktop_sizes()[0]
         factor = min(across / width, down / height)
@@ -241,7 +222,6 @@ class CutViewer:
         return canvas.picture()
 
     def _draw_standing(self, moment: Moment) -> Canvas:
-        """Draw what is constant during a cut, without force."""
         layout, model = self.layout, self._slab.model
         canvas = Canvas(layout.width, layout.height, palette.PAPER)
         views.draw_clamp(canvas, layout, model.width)

@@ -1,7 +1,4 @@
-"""Milliseconds of a cut that a hand leads.
-
-One function for each task, compiled for Python and for the browser.
-"""
+"""Milliseconds of a cut that a hand leads, compiled for Python and browser."""
 
 from __future__ import annotations
 
@@ -16,9 +13,8 @@ from cutenv._base.arrays import Array, Struct, StructArray
 from cutenv._engine.declared import Declaration, compiled_for
 from cutenv._engine.jit import njit, njit_inline
 from cutenv.envs.depth_cut import DepthCutEnv
-from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.envs.path_cut import PathCutEnv
-from cutenv.people.play.devices import ScriptedDevice, watching_hand
+from cutenv.people.play.hand_led_cut import HandLedCut
 from cutenv.people.play.hand_model import PLAYED_HAND, descent_toward, speed_over, steered_toward
 from cutenv.records.scoring.cut_map import LINE_KEY
 from cutenv.sim.cutting.drive import Hand
@@ -26,7 +22,6 @@ from cutenv.sim.cutting.dtypes import READING, TICK
 from cutenv.sim.cutting.motion import NOTHING
 from cutenv.sim.plant.protocol import recorded_trace
 from cutenv.sim.tissue.drawn_lines import kind_of
-from cutenv.sim.tissue.grid import depth_below
 from cutenv.sim.tissue.slab import SLAB
 from cutenv.sim.trace import Trace
 from cutenv.task.declare import GENTLE_CUT, OneCut, Task
@@ -115,19 +110,10 @@ def follow_hand(led: LedTask) -> Callable[..., int]:
     ) -> int:
         """Advance one cut a millisecond per stylus row; return their number.
 
-        Parameters
-        ----------
-        one : OneCut
-            The cut, changed in place.
-        stylus : array, shape (n, k)
-            Wanted position of the hand [m], angle of the blade [rad], level above ``start`` or place across [m].
-        hand : LeadingHand
-            Constants of the hand.
-        memory : tuple of array, shape (1, k), (1, components) float32, (1,)
-            Memory of the calls: action, observation, force across the cut.
-        filled : tuple of Records and arrays, shape (n, 1), (m, n), (2,)
-            :data:`~cutenv.sim.cutting.dtypes.READING`, and further channels of a record, filled up to the end.
-            Outcome: index of the end in :attr:`~cutenv.task.declare.Task.ends`, 0 before it; 1 for a success.
+        A row of ``stylus`` is the wanted position of the hand [m], angle of the blade [rad], level above ``start`` or
+        place across [m]. The memory is that of the calls: action, observation, force across the cut. Filled up to the
+        end are readings, further channels of a record, and the outcome: index of the end in
+        :attr:`~cutenv.task.declare.Task.ends`, 0 before it; 1 for a success.
         """
         actions, observations, across = memory
         readings, channels, outcome = filled
@@ -153,7 +139,7 @@ def follow_hand(led: LedTask) -> Callable[..., int]:
     return follow_hand
 
 
-class HandCut:
+class HandCut(HandLedCut):
     """Cut by a given hand motion, in Python, as the page simulates.
 
     It is the cut of :class:`cutenv.people.play.PlayedCut` with the same key, without its window's needs.
@@ -181,16 +167,12 @@ class HandCut:
         True once the cut has ended in success.
     """
 
-    environment: type[GentleCutEnv] = GentleCutEnv
-    """Environment whose episode it is."""
     led: ClassVar[LedTask] = LED_ALONG
     """Its task, and how the hand leads it."""
     channel_fields: ClassVar[tuple[str, ...]] = ()
     """Fields of a trace that its law fills besides the readings."""
     shared: ClassVar[np.dtype[Any]] = NOTHING
     """Part of what all cuts of the task share that its law needs."""
-    third: ClassVar[str] = ""
-    """Way of the hand besides position and angle: "level", "across" or none."""
 
     def __init__(
         self,
@@ -216,19 +198,8 @@ class HandCut:
         self.hand = hand
         self.end, self.success = "", False
         numbers, components = len(self.led.task.action_names), len(self.led.task.all_components)
-        self._start = 0.0
         self._memory = np.zeros((1, numbers)), np.zeros((1, components), np.float32), np.zeros(1)
         self._channels: list[Array] = []
-
-    @property
-    def specimen_words(self) -> str:
-        """Specimen class, and tissue name unless it is measured pig liver."""
-        return self._env.tissue.words(self._env.specimen_class)
-
-    @property
-    def cutting(self) -> Any:
-        """Episode of this cut."""
-        return self._env.cutting
 
     @property
     def cuts(self) -> StructArray:
@@ -256,11 +227,6 @@ class HandCut:
         return np.concatenate([np.zeros((len(self.channel_fields), 0)), *self._channels], axis=1)
 
     @property
-    def target_length(self) -> float:
-        """Target length [m]."""
-        return self._env.cutting.target_length
-
-    @property
     def measured_depth(self) -> Array:
         """Depth of cut measured beforehand along the line [m], shape (301,)."""
         return self._env.plant.depth
@@ -270,13 +236,6 @@ class HandCut:
         """Record metadata of tasks other than gentle cutting: environment, errors, map."""
         noted: dict[str, Any] = self.cutting.noted_map
         return noted and {"environment": self.led.task.environment, **noted}
-
-    def watching_hand(self) -> ScriptedDevice:
-        """Return a scripted hand for this cut, which sees the tip."""
-        return watching_hand(self._tip, self.target_length)
-
-    def _tip(self) -> float:
-        return float(self._env.plant.states["tip"][0])
 
     def follow(self, stylus: Any) -> StructArray:
         """Advance a millisecond per ``stylus`` row until the end; return readings.
@@ -304,10 +263,7 @@ class HandCut:
     def trace(self, readings: StructArray, **metadata: object) -> Trace:
         """Return all readings of this cut as a rig's trace, shape (n,).
 
-        Raises
-        ------
-        ValueError
-            If there are fewer than two.
+        Raises ValueError if there are fewer than two.
         """
         trace = recorded_trace(readings, self.measured_depth, **metadata)
         channels = zip(self.channel_fields, self.channels.copy(), strict=True)
@@ -328,7 +284,7 @@ class HandDepthCut(HandCut):
 
     def __init__(self, **keywords: Any) -> None:
         super().__init__(**keywords)
-        self._start = float(self.cutting.motion["level"][0])
+        self._start = self.level
 
     @property
     def facts(self) -> dict[str, Any]:
@@ -336,25 +292,12 @@ class HandDepthCut(HandCut):
         facts: dict[str, Any] = self.cutting.given_depth
         return facts
 
-    def watching_hand(self) -> ScriptedDevice:
-        """Return a scripted hand that keeps the wanted depth by the tip."""
-        wanted = self.cutting.shown_depth.wanted
-        return watching_hand(
-            self._tip, self.target_length, level=lambda place: float(depth_below(wanted, place)) - self._start
-        )
-
 
 class HandPathCut(HandCut):
     """Cut by a person's hand along a drawn line.
 
-    Its third number is the place across, to the left [m].
-
-    Parameters
-    ----------
-    line : str
-        Kind of line, as of :class:`~cutenv.envs.path_cut.PathCutEnv`.
-    **keywords
-        Those of :class:`HandCut`.
+    Its third number is the place across, to the left [m]. The line is a kind, as of
+    :class:`~cutenv.envs.path_cut.PathCutEnv`.
     """
 
     environment = PathCutEnv
@@ -369,10 +312,6 @@ class HandPathCut(HandCut):
     def facts(self) -> dict[str, Any]:
         """Line to cut along, by key of a record's metadata."""
         return {LINE_KEY: self.cutting.noted_map[LINE_KEY]}
-
-    def watching_hand(self) -> ScriptedDevice:
-        """Return a scripted hand that follows the line by the tip."""
-        return watching_hand(self._tip, self.target_length, line=self.cutting.line)
 
     @property
     def noted(self) -> dict[str, Any]:

@@ -1,7 +1,4 @@
-"""A cut that is watched again.
-
-Movements of its hand, by which the law repeats it, and an expert's way beside it.
-"""
+"""Movements by which the law repeats a cut, and an expert's way."""
 
 from __future__ import annotations
 
@@ -40,13 +37,7 @@ def in_runs(movements: Array) -> list[list[float]]:
 
 
 def from_runs(runs: Sequence[Sequence[float]]) -> Array:
-    """Return the movements, shape (n, k), that :func:`in_runs` has packed.
-
-    Raises
-    ------
-    ValueError
-        If these are no runs.
-    """
+    """Return the movements, shape (n, k), of :func:`in_runs`; ValueError if damaged."""
     table = np.array(runs, np.float64)
     if table.ndim != 2 or table.shape[1] < 3 or not np.isfinite(table).all() or not (table[:, 0] >= 1.0).all():
         raise ValueError("the movements of this record are damaged.")
@@ -54,15 +45,7 @@ def from_runs(runs: Sequence[Sequence[float]]) -> Array:
 
 
 def way_of(readings: StructArray, further: Mapping[str, Array]) -> dict[str, list[float]]:
-    """Return a cut's times, places and forces, thinned to 50 Hz [SI].
-
-    Parameters
-    ----------
-    readings : records, shape (n,)
-        Readings of every millisecond.
-    further : mapping of str to array, shape (n,)
-        Height of the blade, or its places, by field of a trace; others are left out.
-    """
+    """Return times, places and forces, thinned to 50 Hz [SI], and known ``further`` fields."""
     time = readings["time"]
     moments = np.unique(np.append(np.searchsorted(time, np.arange(time[0], time[-1], _STEP)), len(time) - 1))
     columns = {name: readings[name] for name in _FIELDS}
@@ -139,7 +122,7 @@ def shown_cut(
 def _watching(task: str, line: str | None, **key: Any) -> tuple[list[list[float]], bool]:
     of_line: dict[str, Any] = {} if line is None else {"line": line}
     cut = TASKS[task].hand(**key, **of_line)
-    device = cut.watching_hand()
+    device = cut.simple_hand()
     rows: list[list[float]] = []
     while not cut.end:
         stylus = [device.read() for _ in range(_HELD)][-1]

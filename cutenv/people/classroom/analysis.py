@@ -43,10 +43,7 @@ _SHOWN = (".html", ".csv", ".json")
 
 
 class StudiedRecord(NamedTuple):
-    """Record of an analysis: relative path, person and group, "" without groups.
-
-    A path of "" is a cut that was begun and left.
-    """
+    """Relative path of a record, "" of a cut that was left; person; group or ""."""
 
     record: str
     code: str
@@ -110,15 +107,7 @@ class Analysis:
 
 
 class Analyses:
-    """Analyses of one class, kept until the server ends.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder of their pages, one below it for each; made when it is needed.
-    records : Path
-        Folder of the class's records.
-    """
+    """Analyses of one class, kept until the server ends."""
 
     def __init__(self, folder: Path, records: Path) -> None:
         self._folder, self._records = folder.resolve(), records.resolve()
@@ -139,19 +128,7 @@ class Analyses:
             raise LookupError("There is no such study; it is gone when the server ends. Make it again.") from None
 
     def start(self, kind: str, title: str, rows: Sequence[StudiedRecord], options: Sequence[str] = ()) -> Analysis:
-        """Begin an analysis, or line it up behind the present one.
-
-        Parameters
-        ----------
-        kind : {"study", "pass-mark"}
-            The command.
-        title : str
-            Title of its pages.
-        rows : sequence of StudiedRecord
-            The records, each person's in the order in which they were made.
-        options : sequence of str
-            Further options of the command.
-        """
+        """Begin an analysis of ordered rows, or line it up behind the present one."""
         self._sweep()
         made = Analysis(
             kind=kind,

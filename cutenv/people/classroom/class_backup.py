@@ -42,15 +42,7 @@ def write_backup(store: ClassStore, records: Path, path: Path) -> int:
 
 
 def restore_backup(store: ClassStore, records: Path, path: Path) -> int:
-    """Restore an empty class from a backup; return the number of records.
-
-    Raises
-    ------
-    ValueError
-        If the file is no backup, or the class is not empty; nothing is written then.
-    FileNotFoundError
-        If there is no such file.
-    """
+    """Restore an empty class from a backup; return the number of records, or raise ValueError."""
     try:
         with zipfile.ZipFile(path) as archive:
             content: dict[str, Any] = json.loads(archive.read(_ROWS))

@@ -19,13 +19,8 @@ COURSE_FOLDER = "courses"
 class ClassCourses:
     """Courses of one class, as their files are now.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder of the class: its ``course.toml`` takes the place of the course of the start, and every file in its
-        ``courses`` is a further course, called by the file's name without ``.toml``.
-    given : Course, optional
-        Course of the start.
+    In the class's folder, ``course.toml`` takes the place of the course of the start, and every file in ``courses`` is
+    a further course, called by the file's name without ``.toml``.
     """
 
     def __init__(self, folder: Path, given: Course | None = None) -> None:
@@ -69,10 +64,8 @@ class ClassCourses:
     def set(self, course: Course, key: str = "") -> None:
         """Set the course of a key, or of the class, "".
 
-        Raises
-        ------
-        ValueError
-            If the key is none, or another course has the same name, by which progress and pass marks are kept.
+        Raises ValueError if the key is none, or another course has the same name, by which progress and pass marks are
+        kept.
         """
         if key and not PLACE_NAME.fullmatch(key):
             raise ValueError(f"course {key!r} is no name: give up to 32 letters, digits and blanks, such as nurses.")

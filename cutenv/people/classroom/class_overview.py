@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from cutenv._base.language_files import texts_by_key
 from cutenv._base.validation import one_of
+from cutenv.display.report.trainee_sheet import class_means
 from cutenv.people.classroom.class_store import HandedOutCut, MarkInForce, Place
 from cutenv.people.classroom.class_tables import GOING_ON, LEFT, OPEN, SAVED, TAKEN_BACK
 from cutenv.people.classroom.lesson import LONGEST_CUT, Lesson, name_of
@@ -15,7 +16,6 @@ from cutenv.people.play.course import WARM_UP
 from cutenv.records.scoring.study import proficiency
 
 _WIDTH, _HEIGHT, _LEFT, _BELOW, _ABOVE = 400.0, 170.0, 30.0, 22.0, 8.0
-_FEWEST_OF_CLASS = 3  # people whose mean shows nobody
 
 Scores = Sequence[int | None]
 """Score of each of a person's cuts, in order; None where a cut has none."""
@@ -24,19 +24,8 @@ Scores = Sequence[int | None]
 def score_curve(people: Sequence[Scores], *, mark: float | None = None, label: str = "") -> str:
     """Return an SVG of one person's scores, or several with mean.
 
-    Parameters
-    ----------
-    people : sequence of sequence of int or None
-        Scores of each person's cuts; of one person every cut is a point.
-    mark : float, optional
-        Pass mark, a dashed line.
-    label : str
-        Description for a screen reader, without characters that mean something in XML.
-
-    Returns
-    -------
-    str
-        The drawing; "" if nobody has a score.
+    Of one person every cut is a point; the mark is a dashed line. The label, for a screen reader, has no characters
+    that mean something in XML. It is "" if nobody has a score.
     """
     longest = max((len(scores) for scores in people), default=0)
     if not any(score is not None for scores in people for score in scores):
@@ -82,22 +71,8 @@ def score_curve(people: Sequence[Scores], *, mark: float | None = None, label: s
     return f'<svg class="curve" {about}>{"".join(parts)}</svg>'
 
 
-def class_means(people: Sequence[Scores]) -> list[float | None]:
-    """Return mean scores by cut number while three people or more remain."""
-    means: list[float | None] = []
-    for k in range(max(map(len, people), default=0)):
-        there = [score for scores in people if k < len(scores) and (score := scores[k]) is not None]
-        if len(there) < _FEWEST_OF_CLASS:
-            break
-        means.append(sum(there) / len(there))
-    return means
-
-
 def overview(lesson: Lesson, language: str) -> dict[str, Any]:
-    """Return the class list's content in a language: people, curves, pass marks.
-
-    A class of one mark has it in its curve.
-    """
+    """Return the class list's content in a language: people, curves, pass marks."""
     marks, places = marks_in_force(lesson), lesson.store.places()
     rows = [_shown(lesson, language, marks, places.get(each.code, Place()), each) for each in people_of(lesson)]
     score_word = texts_by_key(language)["score"]
@@ -162,16 +137,7 @@ def live_list(
 ) -> list[dict[str, Any]]:
     """Return what everybody does now, a row each.
 
-    Parameters
-    ----------
-    lesson : Lesson
-        The class at work.
-    language : str
-        Language of what comes next in a course.
-    by : str
-        One of :data:`LIVE_ORDERS`; "doing" puts those first who may need help.
-    class_name : str, optional
-        Class to show; all by default.
+    It is sorted by one of :data:`LIVE_ORDERS`; "doing" puts those first who may need help.
     """
     places, present = lesson.store.places(), lesson.store.present()
     rows = []

@@ -19,22 +19,18 @@ from typing import Any, ClassVar
 import h11
 from sqlalchemy.exc import SQLAlchemyError
 from starlette.applications import Starlette
-from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.requests import Request
-from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
+from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from cutenv.display.report.page import in_languages, translated
-from cutenv.people.browser.page_alone import page_text
-from cutenv.people.classroom.class_overview import score_curve
-from cutenv.people.classroom.class_site import ClassSite, Guard, Trials
-from cutenv.people.classroom.class_tables import SAVED, TRIAL
+from cutenv.people.classroom.class_site import ClassSite, Guard
 from cutenv.people.classroom.course_pages import CoursePages
-from cutenv.people.classroom.lesson import RefusedCut
 from cutenv.people.classroom.live_rig import LiveRig, live_routes
+from cutenv.people.classroom.people_pages import PeoplePages
 from cutenv.people.classroom.teacher_pages import StudyPages, TeacherPages, UploadPages
 
 CLAIM_FILE = "server.lock"
@@ -46,172 +42,20 @@ MOST_SILENT = 128
 behind one address may connect at once, before any of its headers is read."""
 MOST_CONNECTIONS = 250
 """Connections of one address; beyond, new ones are closed."""
-_LONGEST_CODE = 64
-_FAILURES_BY_CODE = 2  # wrong codes in a minute, for each code there is
 _TAKEN = (errno.EACCES, errno.EAGAIN, errno.EDEADLK)  # others: a disk without locks, where nothing is known
-
-
-class PeoplePages:
-    """Pages and answers for people who cut.
-
-    Parameters
-    ----------
-    site : ClassSite
-        Site of the class.
-    """
-
-    def __init__(self, site: ClassSite) -> None:
-        self._site, self._lesson = site, site.lesson
-        self._trials = Trials(each=_FAILURES_BY_CODE)
-
-    @property
-    def routes(self) -> list[Route]:
-        """Routes of these pages."""
-        return [
-            Route("/", self.enter_page, methods=["GET"]), Route("/", self.enter, methods=["POST"]),
-            Route("/leave", self.leave, methods=["POST"]), Route("/cut", self.cut_page, methods=["GET"]),
-            Route("/cuts", self.begin, methods=["POST"]), Route("/cuts", self.history, methods=["GET"]),
-            Route("/curve", self.curve, methods=["GET"]), Route("/comments", self.comments, methods=["GET"]),
-            Route("/cuts/{number:str}", self.finish, methods=["POST"]),
-            Route("/demonstration", self.demonstration, methods=["GET"]),
-            Route("/cuts/{number:str}/begun", self.begun, methods=["POST"]),
-            Route("/cuts/{number:str}/replay", self.replay, methods=["GET"]),
-        ]  # fmt: skip
-
-    async def enter_page(self, request: Request) -> Response:
-        """Show the page on which a code is entered."""
-        if await self._site.signed_in(request, self._site.person_cookie):
-            return RedirectResponse("cut", 303)
-        return self._site.page("enter.html", trouble="", code=request.query_params.get("code", "")[:_LONGEST_CODE])
-
-    async def enter(self, request: Request) -> Response:
-        """Sign a person in who has a code and consents."""
-        address = request.client.host if request.client else ""
-        self._trials.check(address, len(await run_in_threadpool(self._lesson.store.codes)))
-        form = await request.form()
-        code = str(form.get("code", "")).strip().upper()
-        if not (code and code.isprintable() and code != TRIAL) or not await run_in_threadpool(
-            self._lesson.store.knows, code
-        ):
-            self._trials.failed(address)
-            return self._site.page("enter.html", 403, trouble=self._site.words["wrong_code"], code="")
-        if form.get("consent") != "yes":
-            return self._site.page("enter.html", 403, trouble=self._site.words["no_consent"], code=code)
-        await run_in_threadpool(self._lesson.store.consent, code)
-        if self._site.courier is not None:
-            await run_in_threadpool(self._site.courier.queue.agree, code)
-        token = await run_in_threadpool(self._lesson.store.sign_in, code)
-        return self._site.sign(RedirectResponse("cut", 303), self._site.person_cookie, token)
-
-    async def leave(self, request: Request) -> Response:
-        """Sign out."""
-        for name in (self._site.person_cookie, self._site.teacher_cookie):
-            if token := request.cookies.get(name):
-                await run_in_threadpool(self._lesson.store.sign_out, token)
-        response = RedirectResponse(".", 303)
-        response.delete_cookie(self._site.person_cookie)
-        response.delete_cookie(self._site.teacher_cookie)
-        return response
-
-    async def cut_page(self, request: Request) -> Response:
-        """Show the page that cuts."""
-        code = await self._site.signed_in(request, self._site.person_cookie)
-        if not code:
-            return RedirectResponse(".", 303)
-        told = self._site.page_data | {"language": self._site.language, "specimens": [], "served": True}
-        text = await run_in_threadpool(page_text, "page_served.html", told, code_of_person=code)
-        return HTMLResponse(text, headers={"Content-Security-Policy": "frame-ancestors 'none'"})
-
-    async def begin(self, request: Request) -> Response:
-        """Hand out a cut."""
-        code = await self._site.person(request)
-        try:
-            return JSONResponse(await run_in_threadpool(self._lesson.begin, code))
-        except OSError as error:
-            raise HTTPException(507, f"No cut can be handed out: {error}.") from None
-        except LookupError as error:
-            raise HTTPException(404, str(error)) from None
-
-    async def begun(self, request: Request) -> Response:
-        """Note that a cut has begun."""
-        code = await self._site.person(request)
-        if not await run_in_threadpool(self._lesson.store.begun, request.path_params["number"], code):
-            raise HTTPException(409, "This cut is not to be begun any more. Load the page again.")
-        return JSONResponse({})
-
-    async def replay(self, request: Request) -> Response:
-        """Answer with a saved cut for its replay."""
-        code = await self._site.person(request)
-        try:
-            return JSONResponse(await run_in_threadpool(self._lesson.replay, code, request.path_params["number"]))
-        except LookupError as error:
-            raise HTTPException(404, str(error)) from None
-        except (OSError, ValueError) as error:
-            raise HTTPException(422, str(error)) from None
-
-    async def demonstration(self, request: Request) -> Response:
-        """Answer with the cut that the person's course shows beforehand."""
-        code = await self._site.person(request)
-        try:
-            return JSONResponse(await run_in_threadpool(self._lesson.demonstration, code))
-        except LookupError as error:
-            raise HTTPException(404, str(error)) from None
-
-    async def finish(self, request: Request) -> Response:
-        """Repeat, score and keep a cut that has ended."""
-        code = await self._site.person(request)
-        try:
-            stalled = float(request.headers.get("x-stalled", "0"))
-        except ValueError:
-            stalled = 0.0
-        number, digest = request.path_params["number"], request.headers.get("x-readings", "")
-        aids = request.headers.get("x-aids", "").split(",")
-        movements = await request.body()
-        try:
-            said = await run_in_threadpool(
-                self._lesson.finish, code, number, movements, digest, stalled=stalled, aids=aids
-            )
-        except RefusedCut as error:
-            raise HTTPException(422, str(error)) from None
-        except LookupError as error:
-            raise HTTPException(404, str(error)) from None
-        except OSError as error:
-            raise HTTPException(507, f"The record cannot be written: {error.strerror}.") from None
-        return JSONResponse(said)
-
-    async def history(self, request: Request) -> Response:
-        """Answer with the person's cuts."""
-        return JSONResponse(await run_in_threadpool(self._lesson.history, await self._site.person(request)))
-
-    async def comments(self, request: Request) -> Response:
-        """Answer with the teacher's comments to the person."""
-        said = await run_in_threadpool(self._lesson.store.comments, await self._site.person(request))
-        return JSONResponse([{"when": each.written, "said": each.said} for each in said])
-
-    async def curve(self, request: Request) -> Response:
-        """Answer with the person's learning curve."""
-        code = await self._site.person(request)
-        cuts = await run_in_threadpool(self._lesson.history, code)
-        mark = await run_in_threadpool(self._lesson.mark_of, code)
-        scores = [cut["score"] for cut in cuts if cut["state"] == SAVED and not cut["warm_up"]]
-        return JSONResponse(
-            {"curve": score_curve([scores], mark=None if mark is None else mark.mark, label=self._site.words["score"])}
-        )
 
 
 def class_app(site: ClassSite, *, live: LiveRig | None = None, ticket: str | None = None) -> Starlette:
     """Return the ASGI application of a class.
 
-    Parameters
-    ----------
-    site : ClassSite
-        Site of the class.
-    live : LiveRig, optional
-        Rig that the teacher may watch.
-    ticket : str, optional
-        Secret that signs the teacher in once, by the address ``teacher/open/TICKET``, within the first minute.
+    The ticket is a secret that signs the teacher in once, by the address ``teacher/open/TICKET``, within the first
+    minute.
     """
-    teacher = TeacherPages(site, ticket=ticket, live=live)
+    teacher, lti = TeacherPages(site, ticket=ticket, live=live), list[Route]()
+    if site.lti is not None:
+        from cutenv.people.classroom.lti_pages import LtiPages  # an extra
+
+        lti = LtiPages(site, site.lti).routes
 
     async def failed(request: Request, error: Exception) -> Response:
         assert isinstance(error, HTTPException)
@@ -226,11 +70,11 @@ def class_app(site: ClassSite, *, live: LiveRig | None = None, ticket: str | Non
 
     return Starlette(
         routes=[
-            *live_routes(live, site.teacher, site.page),
+            *live_routes(live, site),
             *PeoplePages(site).routes,
             *teacher.routes,
             *CoursePages(site).routes,
-            *_lti_routes(site),
+            *lti,
             *StudyPages(site).routes,
             *UploadPages(site).routes,
             *teacher.routes_of_any_name,
@@ -238,14 +82,6 @@ def class_app(site: ClassSite, *, live: LiveRig | None = None, ticket: str | Non
         middleware=[Middleware(Guard, hosts=site.hosts)],
         exception_handlers={HTTPException: failed, SQLAlchemyError: unwritten},
     )
-
-
-def _lti_routes(site: ClassSite) -> list[Route]:
-    if site.lti is None:
-        return []
-    from cutenv.people.classroom.lti_pages import LtiPages  # an extra
-
-    return LtiPages(site, site.lti).routes
 
 
 def new_token() -> str:
@@ -256,17 +92,7 @@ def new_token() -> str:
 class FolderClaim:
     """Lock on a folder that names its server to the next one.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder of a class.
-    address : str
-        Address of the server.
-
-    Attributes
-    ----------
-    other : str
-        Address of a server in another process that has the folder already; empty if there is none.
+    ``other`` is the address of a server in another process that has the folder already, else "".
     """
 
     def __init__(self, folder: Path, address: str) -> None:
@@ -302,10 +128,7 @@ class FolderClaim:
 
 
 class PatientProtocol(H11Protocol):
-    """HTTP/1.1 of uvicorn that closes slow or too numerous connections.
-
-    A header must come in time, and an address has only so many connections.
-    """
+    """HTTP/1.1 of uvicorn that closes slow or too numerous connections."""
 
     _of_address: ClassVar[defaultdict[str, dict[PatientProtocol, None]]] = defaultdict(dict)  # in order
 

@@ -7,7 +7,7 @@ import hashlib
 import threading
 import time
 from collections import deque
-from collections.abc import Awaitable, Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
@@ -16,19 +16,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
+from anyio import CapacityLimiter, to_thread
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import FormData
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
-from starlette.responses import HTMLResponse, JSONResponse, Response
+from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
 from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from cutenv._base.document import render
 from cutenv._base.language_files import languages, local_moment
-from cutenv.display.report.page import translated
+from cutenv.display.report.page import script_digest, translated
 from cutenv.envs.tissue_source import TissueSource
-from cutenv.people.browser.page_alone import page_data, script_digest
+from cutenv.people.browser.page_data import page_data
 from cutenv.people.classroom.class_store import teacher_of
 from cutenv.people.classroom.foreign_upload import LARGEST_UPLOAD
 from cutenv.people.classroom.host_names import is_address
@@ -59,24 +60,12 @@ _HEADERS = {
 class Trials:
     """Rate limiter that counts failed trials by address.
 
-    Parameters
-    ----------
-    fewest : int
-        Failures in a period that any address has.
-    each : int
-        Further ones for each code there is: a whole class may stand behind one address, and type.
-    period : float
-        Period [s].
-    clock : callable
-        Returns the time [s].
+    An address has ``fewest`` failures in a period [s], and ``each`` further ones for each code there is: a whole class
+    may stand behind one address, and type.
     """
 
     def __init__(
-        self,
-        fewest: int = _TRIALS,
-        each: int = 0,
-        period: float = _MINUTE,
-        clock: Callable[[], float] = time.monotonic,
+        self, fewest: int = _TRIALS, each: int = 0, period: float = _MINUTE, clock: Callable[[], float] = time.monotonic
     ) -> None:
         self._fewest, self._each, self._period, self._clock = fewest, each, period, clock
         self._failed: dict[str, deque[float]] = {}
@@ -102,13 +91,8 @@ class Trials:
 class Guard:
     """ASGI middleware that limits sizes, refuses cross-site requests and sets headers.
 
-    Parameters
-    ----------
-    app : ASGI application
-        The class's.
-    hosts : collection of str, optional
-        Names of the server in lower case, beside which only an address in digits is answered to; None for any.  A page
-        whose own name leads to this machine could read the class otherwise.
+    Besides ``hosts``, names of the server in lower case, only an address in digits is answered to; with None any name.
+    A page whose own name leads to this machine could read the class otherwise.
     """
 
     def __init__(self, app: ASGIApp, hosts: Collection[str] | None = None) -> None:
@@ -176,35 +160,15 @@ def _page_data(tasks: tuple[str, ...], tissue: str | Path | None, _languages: tu
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ClassSite:
-    """Site of a class.
-
-    Attributes
-    ----------
-    lesson : Lesson
-        The class at work.
-    secret : str
-        Token with which the teacher signs in.
-    title : str
-        Name of the class on its pages.
-    language : str
-        Language until the reader chooses.
-    secure : bool
-        True if it is served over TLS: cookies are never sent without.
-    courier : Courier, optional
-        Who delivers statements of cuts to a learning record store; whoever enters is told, and agrees.
-    hosts : collection of str, optional
-        Names by which it is reached, see :class:`Guard`.
-    lti : LtiTool, optional
-        Learning platforms that it is registered with.
-    """
+    """Site of a class."""
 
     lesson: Lesson
-    secret: str
+    secret: str  # token with which the teacher signs in
     title: str = "cutenv"
-    language: str = "en"
-    secure: bool = False
-    courier: Courier | None = None
-    hosts: Collection[str] | None = None
+    language: str = "en"  # until the reader chooses
+    secure: bool = False  # served over TLS: cookies are never sent without
+    courier: Courier | None = None  # of statements to a record store; whoever enters is told, and agrees
+    hosts: Collection[str] | None = None  # names by which it is reached, see Guard
     lti: LtiTool | None = None
 
     @cached_property
@@ -249,8 +213,10 @@ class ClassSite:
         }
         return HTMLResponse(render(_PAGES / name, shared | values, filters=filters), status)
 
-    def sign(self, response: Response, cookie: str, token: str) -> Response:
-        """Let an answer sign somebody in."""
+    def sign_in(self, who: str, page: str) -> Response:
+        """Sign a person in by code, or the teacher by name, and lead on to a page."""
+        response, token = RedirectResponse(page, 303), self.lesson.store.sign_in(who)
+        cookie = self.teacher_cookie if who == self.teacher_name else self.person_cookie
         response.set_cookie(cookie, token, max_age=_SIGNED_IN, httponly=True, samesite="strict", secure=self.secure)
         return response
 
@@ -275,22 +241,38 @@ class ClassSite:
         """Return whether it is the teacher who asks."""
         return await self.signed_in(request, self.teacher_cookie) == self.teacher_name
 
-    def teachers_route(self, method: str, path: str, answer: Callable[[Request], Awaitable[Response]]) -> Route:
-        """Return a route for the teacher alone.
+    def teachers_route(
+        self,
+        method: str,
+        path: str,
+        answer: Callable[[Request, FormData], Response],
+        *,
+        limiter: CapacityLimiter | None = None,
+        **limits: int,
+    ) -> Route:
+        """Return a route for the teacher alone, whose ``answer`` to request and form runs in a thread.
 
-        A LookupError of ``answer`` becomes 404, a ValueError 422.
+        A LookupError becomes 404, a ValueError 422; ``limits`` are those of the form.
         """
 
         async def checked(request: Request) -> Response:
             await self.teacher(request)
+            form = await request.form(**limits)
             try:
-                return await answer(request)
+                return await to_thread.run_sync(answer, request, form, limiter=limiter)
             except LookupError as error:
                 raise HTTPException(404, str(error)) from None
             except ValueError as error:
                 raise HTTPException(422, str(error)) from None
 
         return Route(path, checked, methods=[method])
+
+
+class Pages:
+    """Pages and answers of a class."""
+
+    def __init__(self, site: ClassSite) -> None:
+        self._site, self._lesson = site, site.lesson
 
 
 def text_of(form: FormData, name: str) -> str:

@@ -7,24 +7,11 @@ import json
 import re
 import secrets
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from typing import Any, NamedTuple
 
-from sqlalchemy import (
-    Connection,
-    Engine,
-    create_engine,
-    delete,
-    event,
-    func,
-    insert,
-    inspect,
-    select,
-    text,
-    update,
-)
+from sqlalchemy import Connection, Executable, create_engine, delete, event, func, insert, inspect, select, text, update
 from sqlalchemy.exc import DatabaseError, IntegrityError
 
 from cutenv._base.validation import in_range
@@ -132,37 +119,17 @@ class SeenMovements(ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class CutEnd:
-    """End of a cut.
+    """End of a cut."""
 
-    Attributes
-    ----------
-    state : str
-        :data:`SAVED` or :data:`FOREIGN` with the name of its record, :data:`REFUSED` or :data:`TAKEN_BACK`.
-    record, outcome : str
-        Name of the record, and outcome in a few words.
-    score : float, optional
-        Overall score.
-    reason : str
-        Reason for which it was refused, or has no score.
-    ended : str
-        How the task ended, such as "finished".
-    numbers : mapping of str to float
-        Numbers that a mark may limit.
-    movements : str, optional
-        SHA-256 of the movements.
-    stalled : float
-        Time lost by the page [s].
-    """
-
-    state: str
+    state: str  # SAVED or FOREIGN with its record, REFUSED or TAKEN_BACK
     record: str = ""
     outcome: str = ""
     score: float | None = None
-    reason: str = ""
-    ended: str = ""
-    numbers: Mapping[str, float] = field(default_factory=dict)
-    movements: str | None = None
-    stalled: float = 0.0
+    reason: str = ""  # for which it was refused, or has no score
+    ended: str = ""  # how the task ended, such as "finished"
+    numbers: Mapping[str, float] = field(default_factory=dict)  # those that a mark may limit
+    movements: str | None = None  # SHA-256
+    stalled: float = 0.0  # [s] lost by the page
 
     @property
     def columns(self) -> dict[str, Any]:
@@ -197,7 +164,7 @@ class ClassStore:
     """
 
     def __init__(self, url: str, clock: Callable[[], datetime] = lambda: datetime.now(UTC)) -> None:
-        self.engine: Engine = create_engine(url)
+        self.engine = create_engine(url)
         self.clock = clock
         if self.engine.dialect.name == "sqlite":
             event.listen(self.engine, "connect", _prepare_sqlite)
@@ -209,7 +176,7 @@ class ClassStore:
     def _lay_out(self) -> None:
         """Create missing tables, and add missing columns to older ones."""
         CLASS_METADATA.create_all(self.engine)
-        with self._transaction() as connection:
+        with self.engine.begin() as connection:
             for table in (CUTS, SESSIONS, CLASS_PLACES):
                 there = {column["name"] for column in inspect(connection).get_columns(table.name)}
                 for column in (column for column in table.columns if column.name not in there):
@@ -220,16 +187,21 @@ class ClassStore:
                 index.create(connection, checkfirst=True)
 
     def _now(self) -> str:
-        return _written(self.clock())
+        return written(self.clock())
 
     def close(self) -> None:
         """Close all connections."""
         self.engine.dispose()
 
-    @contextmanager
-    def _transaction(self) -> Iterator[Connection]:
+    def run(self, *statements: Executable) -> int:
+        """Run statements as one transaction; return how many rows the last one changed."""
         with self.engine.begin() as connection:
-            yield connection
+            return [connection.execute(each) for each in statements][-1].rowcount
+
+    def rows(self, wanted: Executable) -> Sequence[Any]:
+        """Return the rows of a query."""
+        with self.engine.begin() as connection:
+            return connection.execute(wanted).all()
 
     # People
 
@@ -245,53 +217,37 @@ class ClassStore:
     def add_code(self, code: str) -> bool:
         """Add a custom code; return False if it exists.
 
-        Raises
-        ------
-        TypeError, ValueError
-            If it may identify a person.
+        Raises TypeError or ValueError if it may identify a person.
         """
         check_operator(code)
         try:
-            with self._transaction() as connection:
-                connection.execute(insert(PEOPLE).values(code=code, created=self._now()))
+            self.run(insert(PEOPLE).values(code=code, created=self._now()))
         except IntegrityError:
             return False
         return True
 
     def codes(self) -> list[tuple[str, bool]]:
         """Return all codes of people in order, and whether they consented."""
-        with self._transaction() as connection:
-            everybody = select(PEOPLE).where(PEOPLE.c.code != TRIAL)
-            rows = connection.execute(everybody.order_by(PEOPLE.c.created, PEOPLE.c.code)).all()
-        return [(row.code, row.consented is not None) for row in rows]
+        everybody = select(PEOPLE).where(PEOPLE.c.code != TRIAL).order_by(PEOPLE.c.created, PEOPLE.c.code)
+        return [(row.code, row.consented is not None) for row in self.rows(everybody)]
 
     def knows(self, code: str) -> bool:
         """Return whether there is such a code."""
-        with self._transaction() as connection:
-            return connection.execute(select(PEOPLE.c.code).where(PEOPLE.c.code == code)).first() is not None
+        return bool(self.rows(select(PEOPLE.c.code).where(PEOPLE.c.code == code)))
 
     def consent(self, code: str) -> None:
         """Note that the person agreed to what is stored."""
-        with self._transaction() as connection:
-            connection.execute(update(PEOPLE).where(PEOPLE.c.code == code).values(consented=self._now()))
+        self.run(update(PEOPLE).where(PEOPLE.c.code == code).values(consented=self._now()))
 
     def delete(self, code: str) -> bool:
-        """Delete a person's code, sessions and cuts, but no records.
-
-        Return False if there was no such person.
-        """
-        if not self.knows(code):
-            return False
-        with self._transaction() as connection:
-            for table in (CUTS, CLASS_PLACES, COMMENTS, SESSIONS):
-                connection.execute(delete(table).where(table.c.code == code))
-            return connection.execute(delete(PEOPLE).where(PEOPLE.c.code == code)).rowcount > 0
+        """Delete a person's code, sessions and cuts, but no records; False if unknown."""
+        tables = (CUTS, CLASS_PLACES, COMMENTS, SESSIONS, PEOPLE)
+        return self.knows(code) and self.run(*(delete(table).where(table.c.code == code) for table in tables)) > 0
 
     def places(self, code: str | None = None) -> dict[str, Place]:
         """Return places of everybody, or one person, by code."""
         wanted = select(CLASS_PLACES)
-        with self._transaction() as connection:
-            rows = connection.execute(wanted if code is None else wanted.where(CLASS_PLACES.c.code == code)).all()
+        rows = self.rows(wanted if code is None else wanted.where(CLASS_PLACES.c.code == code))
         return {row.code: Place(row.class_name, row.group_name, row.course or "") for row in rows}
 
     def put(
@@ -304,16 +260,13 @@ class ClassStore:
     ) -> None:
         """Set people's class, group and course; None keeps, "" removes.
 
-        Raises
-        ------
-        ValueError
-            If a name is not 1 to 32 letters, digits and blanks, beginning with a letter or digit.
+        Raises ValueError if a name is not 1 to 32 letters, digits and blanks, beginning with a letter or digit.
         """
         for what, name in (("class", class_name), ("group", group), ("course", course)):
             if name and not PLACE_NAME.fullmatch(name):
                 raise ValueError(f"{what} {name!r} is no name: give up to 32 letters, digits and blanks, such as 2b.")
         there = self.places()
-        with self._transaction() as connection:
+        with self.engine.begin() as connection:
             known = {row.code for row in connection.execute(select(PEOPLE.c.code))}
             for code in (each for each in codes if each in known):
                 old = there.get(code, Place())
@@ -331,12 +284,7 @@ class ClassStore:
     def comment(self, code: str, said: str) -> None:
         """Keep a comment of the teacher to a person.
 
-        Raises
-        ------
-        LookupError
-            If there is no such person.
-        ValueError
-            If it is empty, or longer than 500 characters.
+        Raises LookupError if there is no such person. Raises ValueError if it is empty, or longer than 500 characters.
         """
         if not self.knows(code):
             raise LookupError("There is no such code.")
@@ -344,90 +292,77 @@ class ClassStore:
         if not 1 <= len(said) <= LONGEST_COMMENT:
             raise ValueError(f"A comment has 1 to {LONGEST_COMMENT} characters; this one has {len(said)}.")
         values = {"id": secrets.token_hex(16), "code": code, "written": self._now(), "said": said}
-        with self._transaction() as connection:
-            connection.execute(insert(COMMENTS).values(**values))
+        self.run(insert(COMMENTS).values(**values))
 
     def comments(self, code: str) -> list[Comment]:
         """Return the comments to a person, the newest first."""
         mine = select(COMMENTS).where(COMMENTS.c.code == code).order_by(COMMENTS.c.written.desc(), COMMENTS.c.id)
-        with self._transaction() as connection:
-            return [Comment(row.id, row.written, row.said) for row in connection.execute(mine)]
+        return [Comment(row.id, row.written, row.said) for row in self.rows(mine)]
 
     def take_back(self, number: str, code: str) -> None:
         """Delete a comment to a person."""
-        mine = (COMMENTS.c.id == number) & (COMMENTS.c.code == code)
-        with self._transaction() as connection:
-            connection.execute(delete(COMMENTS).where(mine))
+        self.run(delete(COMMENTS).where(COMMENTS.c.id == number, COMMENTS.c.code == code))
 
     # Pass marks
 
     def pass_mark(self, course: str) -> MarkInForce | None:
         """Return a course's pass mark in force ("" without course), or None."""
-        with self._transaction() as connection:
-            row = connection.execute(select(PASS_MARKS).where(PASS_MARKS.c.course == course)).first()
-        return None if row is None else MarkInForce(row.tenths / 10, row.source, row.since)
+        found = self.rows(select(PASS_MARKS).where(PASS_MARKS.c.course == course))
+        return next((MarkInForce(row.tenths / 10, row.source, row.since) for row in found), None)
 
     def set_pass_mark(self, course: str, mark: float | None, source: str = "") -> None:
         """Set a course's pass mark of the overall score; None withdraws it.
 
-        Raises
-        ------
-        ValueError
-            If it is outside 0 to 100.
+        Raises ValueError if it is outside 0 to 100.
         """
         if mark is not None:
             in_range("mark", mark, 0.0, 100.0, "1", "Give an overall score, such as 60.")
-        with self._transaction() as connection:
-            connection.execute(delete(PASS_MARKS).where(PASS_MARKS.c.course == course))
-            if mark is not None:
-                row = {"course": course, "tenths": round(10 * mark), "source": source[:200], "since": self._now()}
-                connection.execute(insert(PASS_MARKS).values(**row))
+        changes: list[Executable] = [delete(PASS_MARKS).where(PASS_MARKS.c.course == course)]
+        if mark is not None:
+            row = {"course": course, "tenths": round(10 * mark), "source": source[:200], "since": self._now()}
+            changes.append(insert(PASS_MARKS).values(**row))
+        self.run(*changes)
 
     # Sessions
 
     def sign_in(self, code: str) -> str:
-        """Return a new token for a person or :func:`teacher_of` a server.
-
-        Only its hash is stored.
-        """
+        """Return a new token, stored as hash, for a person or :func:`teacher_of` a server."""
         token, now = secrets.token_urlsafe(32), self.clock()
-        values = {"expires": _written(now + _SESSION), "seen": _written(now)}
-        with self._transaction() as connection:
-            connection.execute(delete(SESSIONS).where(SESSIONS.c.expires < self._now()))
-            connection.execute(insert(SESSIONS).values(token_hash=_hash(token), code=code, **values))
+        values = {"expires": written(now + _SESSION), "seen": written(now)}
+        self.run(
+            delete(SESSIONS).where(SESSIONS.c.expires < written(now)),
+            insert(SESSIONS).values(token_hash=_hash(token), code=code, **values),
+        )
         return token
 
     def signed_in(self, token: str) -> str | None:
         """Return a token's owner; None if unknown, too old or long unseen."""
         now = self.clock()
-        with self._transaction() as connection:
+        with self.engine.begin() as connection:
             row = connection.execute(select(SESSIONS).where(SESSIONS.c.token_hash == _hash(token))).first()
-            if row is None or row.expires < _written(now):
+            if row is None or row.expires < written(now):
                 return None
-            if not row.code.startswith(_TEACHER) and (row.seen or "") < _written(now - _IDLE):
+            if not row.code.startswith(_TEACHER) and (row.seen or "") < written(now - _IDLE):
                 return None
-            if (row.seen or "") < _written(now - _NOTED):
+            if (row.seen or "") < written(now - _NOTED):
                 mine = SESSIONS.c.token_hash == row.token_hash
-                connection.execute(update(SESSIONS).where(mine).values(seen=_written(now)))
+                connection.execute(update(SESSIONS).where(mine).values(seen=written(now)))
         return str(row.code)
 
     def present(self) -> dict[str, str]:
         """Return when signed-in people were last seen (UTC, minutes), by code."""
         now = self.clock()
-        here = (SESSIONS.c.expires >= _written(now)) & (SESSIONS.c.seen >= _written(now - _IDLE))
+        here = (SESSIONS.c.expires >= written(now)) & (SESSIONS.c.seen >= written(now - _IDLE))
         seen = select(SESSIONS.c.code, func.max(SESSIONS.c.seen).label("seen")).where(here).group_by(SESSIONS.c.code)
-        with self._transaction() as connection:
-            return {row.code: row.seen for row in connection.execute(seen)}
+        return {row.code: row.seen for row in self.rows(seen)}
 
     def sign_out(self, token: str) -> None:
         """Forget a token."""
-        with self._transaction() as connection:
-            connection.execute(delete(SESSIONS).where(SESSIONS.c.token_hash == _hash(token)))
+        self.run(delete(SESSIONS).where(SESSIONS.c.token_hash == _hash(token)))
 
     def sign_out_everywhere(self, code: str) -> None:
         """Delete all tokens of a person or :func:`teacher_of` a server."""
-        with self._transaction() as connection:
-            connection.execute(delete(SESSIONS).where(SESSIONS.c.code == code))
+        self.run(delete(SESSIONS).where(SESSIONS.c.code == code))
 
     # Cuts
 
@@ -470,9 +405,7 @@ class ClassStore:
 
     def _change(self, cut: HandedOutCut, state: str) -> None:
         """Give a cut another state, unless another server has done so."""
-        same = (CUTS.c.id == cut.id) & (CUTS.c.state == cut.state)
-        with self._transaction() as connection:
-            connection.execute(update(CUTS).where(same).values(state=state))
+        self.run(update(CUTS).where(CUTS.c.id == cut.id, CUTS.c.state == cut.state).values(state=state))
 
     def _insert(self, code: str, cuts: Sequence[HandedOutCut], new: NewCut) -> str | None:
         """Add a prepared cut; return its number, or None if others came first."""
@@ -482,8 +415,7 @@ class ClassStore:
         values["target_length_um"] = None if length is None else round(1e6 * length)
         values |= {"id": number, "code": code, "nth": 1 + max((cut.nth for cut in cuts), default=0)}
         try:
-            with self._transaction() as connection:
-                connection.execute(insert(CUTS).values(**values, handed_out=self._now(), state=PREPARED))
+            self.run(insert(CUTS).values(**values, handed_out=self._now(), state=PREPARED))
         except IntegrityError:
             return None
         return number
@@ -491,17 +423,12 @@ class ClassStore:
     def begun(self, number: str, code: str) -> bool:
         """Note that a person has begun a cut; return False if impossible."""
         mine = (CUTS.c.id == number) & (CUTS.c.code == code) & (CUTS.c.state == PREPARED)
-        with self._transaction() as connection:
-            changed = update(CUTS).where(mine).values(state=GOING_ON, begun=self._now())
-            return connection.execute(changed).rowcount > 0
+        return self.run(update(CUTS).where(mine).values(state=GOING_ON, begun=self._now())) > 0
 
     def cut(self, number: str, code: str) -> HandedOutCut:
         """Return a person's own cut.
 
-        Raises
-        ------
-        LookupError
-            If the person has no such cut.
+        Raises LookupError if the person has no such cut.
         """
         for cut in self._found(CUTS.c.id == number, CUTS.c.code == code):
             return cut
@@ -510,16 +437,12 @@ class ClassStore:
     def finish(self, number: str, end: CutEnd, *, keep: Callable[[], None] = lambda: None) -> bool:
         """Note how a cut ended.
 
-        Return False, and change nothing, if it is not open, perhaps by another server.  ``keep`` is called otherwise,
-        while no other server can note an end: it puts the record in its place.
-
-        Raises
-        ------
-        SeenMovements
-            If its movements are those of a saved cut in the class; nothing is changed.
+        Return False, and change nothing, if it is not open, perhaps by another server. ``keep`` is called otherwise,
+        while no other server can note an end: it puts the record in its place. Raises SeenMovements if its movements
+        are those of a saved cut in the class; nothing is changed.
         """
         goes_on = (CUTS.c.id == number) & CUTS.c.state.in_(OPEN)
-        with self._transaction() as connection:
+        with self.engine.begin() as connection:
             try:
                 ended = connection.execute(update(CUTS).where(goes_on).values(**end.columns)).rowcount > 0
             except IntegrityError:
@@ -533,24 +456,19 @@ class ClassStore:
     def note(self, number: str, end: CutEnd, course: str) -> None:
         """Note numbers and course of a cut saved by an earlier version."""
         columns = {name: end.columns[name] for name in ("ended", "numbers")}
-        with self._transaction() as connection:
-            connection.execute(update(CUTS).where(CUTS.c.id == number).values(**columns, course=course))
+        self.run(update(CUTS).where(CUTS.c.id == number).values(**columns, course=course))
 
     def set_example(self, number: str, code: str, shown: bool) -> None:
         """Mark or unmark a saved cut as its specimen's example in its task.
 
-        Raises
-        ------
-        LookupError
-            If the person has no such saved cut.
+        Raises LookupError if the person has no such saved cut.
         """
         cut = self.cut(number, code)
         if cut.state != SAVED:
             raise LookupError(f"cut {number!r} is {cut.state}: it has no record.")
         same = (CUTS.c.terms == cut.terms) & (CUTS.c.specimen_class == cut.specimen_class) & (CUTS.c.seed == cut.seed)
-        with self._transaction() as connection:
-            connection.execute(update(CUTS).where(same).values(example=None))
-            connection.execute(update(CUTS).where(CUTS.c.id == number).values(example=1 if shown else None))
+        own = update(CUTS).where(CUTS.c.id == number).values(example=1 if shown else None)
+        self.run(update(CUTS).where(same).values(example=None), own)
 
     def add_foreign(self, code: str, end: CutEnd) -> str:
         """Note a cut that another program recorded; return its number."""
@@ -558,9 +476,8 @@ class ClassStore:
             number = secrets.token_hex(16)
             values = dict(id=number, code=code, specimen_class="", seed=0, handed_out=self._now(), **end.columns)
             try:
-                with self._transaction() as connection:
-                    last = select(func.coalesce(func.max(CUTS.c.nth), 0)).where(CUTS.c.code == code).scalar_subquery()
-                    connection.execute(insert(CUTS).values(**values, nth=last + 1))
+                last = select(func.coalesce(func.max(CUTS.c.nth), 0)).where(CUTS.c.code == code).scalar_subquery()
+                self.run(insert(CUTS).values(**values, nth=last + 1))
             except IntegrityError:
                 continue  # another server was quicker
             return number
@@ -572,7 +489,7 @@ class ClassStore:
 
     def content(self) -> dict[str, list[dict[str, Any]]]:
         """Return all rows by table for a backup, without sessions."""
-        with self._transaction() as connection:
+        with self.engine.begin() as connection:
             return {
                 table.name: [dict(row) for row in connection.execute(select(table)).mappings()] for table in BACKED_UP
             }
@@ -580,12 +497,9 @@ class ClassStore:
     def fill(self, content: dict[str, list[dict[str, Any]]]) -> None:
         """Fill an empty database from :meth:`content`.
 
-        Raises
-        ------
-        ValueError
-            If it is not empty.
+        Raises ValueError if it is not empty.
         """
-        with self._transaction() as connection:
+        with self.engine.begin() as connection:
             if connection.execute(select(PEOPLE.c.code)).first() is not None:
                 raise ValueError("the database holds a class already. Restore into a new folder or an empty database.")
             for table in BACKED_UP:
@@ -595,16 +509,10 @@ class ClassStore:
 
     def break_off(self) -> int:
         """Mark cuts in progress as broken off after a restart; return their number."""
-        with self._transaction() as connection:
-            changed = update(CUTS).where(CUTS.c.state == GOING_ON).values(state=BROKEN_OFF)
-            return int(connection.execute(changed).rowcount)
+        return self.run(update(CUTS).where(CUTS.c.state == GOING_ON).values(state=BROKEN_OFF))
 
     def _found(self, *conditions: Any) -> Iterator[HandedOutCut]:
-        with self._transaction() as connection:
-            rows: Sequence[Any] = connection.execute(
-                select(CUTS).where(*conditions).order_by(CUTS.c.code, CUTS.c.nth)
-            ).all()
-        for row in rows:
+        for row in self.rows(select(CUTS).where(*conditions).order_by(CUTS.c.code, CUTS.c.nth)):
             length = None if row.target_length_um is None else row.target_length_um / 1e6
             yield HandedOutCut(
                 row.id, row.code, row.nth, row.specimen_class, row.seed, length, row.course or "", row.task or "",
@@ -641,7 +549,8 @@ def _prepare_sqlite(connection: Any, _: Any) -> None:
         connection.execute(f"PRAGMA {setting}")
 
 
-def _written(moment: datetime) -> str:
+def written(moment: datetime) -> str:
+    """Return a moment as the database holds it (UTC, microseconds)."""
     return moment.astimezone(UTC).isoformat(timespec="microseconds")
 
 

@@ -61,8 +61,6 @@ SESSIONS = Table(
     Column("expires", String(32), nullable=False),
     Column("seen", String(32)),
 )
-
-
 COMMENTS = Table(  # of the teacher, to a person
     "comments",
     CLASS_METADATA,
@@ -107,12 +105,8 @@ LTI_NONCES = Table(  # launches that were used, until they are too old anyway
 )
 TRIAL = "TRY0"
 """Code by which the teacher tries a lesson: nobody enters by it, and no list, study or export has its cuts."""
-
-
 BACKED_UP = (PEOPLE, CLASS_PLACES, CUTS, PASS_MARKS, COMMENTS, LTI_PEOPLE, LTI_GRADES)
 """Tables of a backup, in the order in which they are filled; nobody stays signed in."""
-
-
 PREPARED, GOING_ON, BROKEN_OFF = "prepared", "going on", "broken off"
 """States of an open cut: handed out; begun; going on when the server ended, whose page may still send it."""
 OPEN = (PREPARED, GOING_ON, BROKEN_OFF)

@@ -8,7 +8,6 @@ from datetime import datetime
 from typing import Any
 from urllib.parse import quote
 
-from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import FormData
 from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
@@ -16,7 +15,7 @@ from starlette.routing import Route
 
 from cutenv.agents.policy import ORACLE, experts
 from cutenv.people.classroom.class_courses import COURSE_FILE
-from cutenv.people.classroom.class_site import ClassSite, download, text_of
+from cutenv.people.classroom.class_site import Pages, download, text_of
 from cutenv.people.classroom.lesson import name_of
 from cutenv.people.play.course import (
     FEEDBACK,
@@ -41,28 +40,20 @@ _MOST_TASKS, _MARKS = 50, 3
 _WHOLE, _NUMBER = re.compile(r"[+-]?\d{1,12}"), re.compile(r"[+-]?\d{1,12}([.,]\d{1,9})?")
 
 
-class CoursePages:
-    """Pages and answers for the course.
-
-    Parameters
-    ----------
-    site : ClassSite
-        Site of the class.
-    """
-
-    def __init__(self, site: ClassSite) -> None:
-        self._site, self._lesson = site, site.lesson
+class CoursePages(Pages):
+    """Pages and answers for the course."""
 
     @property
     def routes(self) -> list[Route]:
         """Routes of these pages."""
         route = self._site.teachers_route
         return [
-            route("GET", "/teacher/course", self.edit), route("POST", "/teacher/course", self.keep),
+            route("GET", "/teacher/course", self.edit),
+            route("POST", "/teacher/course", self.keep, max_fields=20 * _MOST_TASKS),
             route("GET", f"/teacher/{COURSE_FILE}", self.file),
         ]  # fmt: skip
 
-    def page(self, content: Mapping[str, Any], key: str = "", trouble: str = "", status: int = 200) -> Response:
+    def page(self, content: Mapping[str, Any], key: str = "", trouble: str = "") -> Response:
         """Return the page, filled with a course file's content if any.
 
         ``key`` is that of a further course, :data:`NEW` for one that has none yet, or "" for that of the class.
@@ -71,7 +62,7 @@ class CoursePages:
         language = self._site.language
         tasks = [_shown(task) for task in content.get("task", [])]
         return self._site.page(
-            "teacher_course.html", status, trouble=trouble, content=dict(_EMPTY) | dict(content),
+            "teacher_course.html", 422 if trouble else 200, trouble=trouble, content=dict(_EMPTY) | dict(content),
             tasks=[*tasks, _shown({})], root="../", kinds=tasks_with("hand"), classes=CLASSES,
             lines=(*KINDS, "mixed"), rules={rule: course_words(language, rule) for rule in FEEDBACK},
             metrics=_metrics(language), edited=key != NEW and courses.file(key).is_file(), key=key, new=NEW,
@@ -80,13 +71,13 @@ class CoursePages:
             shipped={name: named_course(name).name for name in SHIPPED_COURSES},
         )  # fmt: skip
 
-    async def edit(self, request: Request) -> Response:
+    def edit(self, request: Request, _: FormData) -> Response:
         """Show the course, or one that is shipped, to be edited."""
         chosen = request.query_params.get("from", "")
         key = self._key(request.query_params.get("course", ""))
         present = None if key == NEW else self._lesson.courses.of(key)
         course = named_course(chosen) if chosen in SHIPPED_COURSES else present
-        return await run_in_threadpool(self.page, {} if course is None else _content(course), key)
+        return self.page({} if course is None else _content(course), key)
 
     def _key(self, given: str) -> str:
         """Return the key of an existing course; LookupError for another."""
@@ -94,25 +85,24 @@ class CoursePages:
             raise LookupError("There is no such course.")
         return given
 
-    async def keep(self, request: Request) -> Response:
+    def keep(self, _: Request, form: FormData) -> Response:
         """Put the form's course into force, or withdraw it."""
-        form = await request.form(max_fields=20 * _MOST_TASKS)
-        key = self._key(text_of(form, "course"))
+        key, courses = self._key(text_of(form, "course")), self._lesson.courses
         if form.get("do") == "withdraw":
-            await run_in_threadpool(self._lesson.drop_course, key)
+            self._lesson.drop_course(key)
             return RedirectResponse("course", 303)
         content = _content_of(form)
         if form.get("do") == "add":
-            return await run_in_threadpool(self.page, content, key)
+            return self.page(content, key)
         try:
-            course, courses = course_of(content), self._lesson.courses
+            course = course_of(content)
             kept_as = courses.new_key(course.name) if key == NEW else key
-            await run_in_threadpool(courses.set, course, kept_as)
+            courses.set(course, kept_as)
         except (TypeError, ValueError) as error:
-            return await run_in_threadpool(self.page, content, key, str(error), 422)
+            return self.page(content, key, str(error))
         return RedirectResponse(f"course?course={quote(kept_as)}" if kept_as else "course", 303)
 
-    async def file(self, request: Request) -> Response:
+    def file(self, request: Request, _: FormData) -> Response:
         """Send the course as its file."""
         key = request.query_params.get("course", "")
         course = self._lesson.courses.of(self._key(key)) if key != NEW else None
@@ -126,7 +116,6 @@ def _content(course: Course) -> dict[str, Any]:
 
 
 def _metrics(language: str) -> dict[str, str]:
-    """Return names with unit and sense of metrics for marks, by key."""
     return {
         key: f"{course_words(language, about.name)}{'' if about.unit.sign == '1' else f' [{about.unit.sign}]'} "
         + ("≥" if about.more else "≤")
@@ -150,17 +139,13 @@ def _moment(text: str) -> datetime | str:
 
 
 def _plain(value: Any) -> Any:
-    """Return a value as a field shows it."""
     if isinstance(value, datetime):
         return f"{value.astimezone():%Y-%m-%dT%H:%M}"
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
 def _content_of(form: FormData) -> dict[str, Any]:
-    """Return a form as course file content; invalid numbers stay text.
-
-    They are refused later.
-    """
+    """Return a form as course file content; invalid numbers stay text, refused later."""
     tasks = []
     for k in range(_MOST_TASKS):
         given = {name: text_of(form, f"{k}-{name}").strip() for name in ("name", "place", "task", "line", *_TEXTS)}

@@ -19,34 +19,17 @@ def write_shortcut(
 ) -> Path:
     """Write a shortcut that runs a command in a terminal; return its path.
 
-    Parameters
-    ----------
-    command : sequence of str
-        The program and its arguments, as they are.
-    name : str
-        Name of the shortcut; an existing one of that name is replaced.
-    place : Path, optional
-        Folder of the shortcut; by default the desktop, or the present folder where there is none.
-    folder : Path, optional
-        Folder in which the command runs; by default the present one.
-    platform : str
-        Platform as in :data:`sys.platform`.
-
-    Raises
-    ------
-    ValueError
-        If an argument has a character, such as a line break, that no such file can hold.
-    OSError
-        If it cannot be written.
+    One of the same name is replaced. It is placed on the desktop, or in the present folder where there is none, and the
+    command runs in the present folder. The platform is as in :data:`sys.platform`. Raises ValueError for a character,
+    such as a line break, that no such file can hold.
     """
     where = str(folder or Path.cwd())
     for argument in (*command, where, name):
         if not argument.isprintable() or (platform == "win32" and '"' in argument):
             raise ValueError(f"--shortcut: {argument!r} has a character that no shortcut can hold.")
-    ending, content = {
-        "win32": (".bat", _batch),
-        "darwin": (".command", _command_file),
-    }.get(platform, (".desktop", _desktop_entry))
+    ending, content = {"win32": (".bat", _batch), "darwin": (".command", _command_file)}.get(
+        platform, (".desktop", _desktop_entry)
+    )
     name = re.sub(r"[^\w .-]", "_", name)
     path = (place or _desktop() or Path.cwd()) / (name + ending)
     path.write_bytes(content(command, where, name).encode())

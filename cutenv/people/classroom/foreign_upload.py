@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from cutenv._base.unit_table import Unit
 from cutenv._base.validation import in_range
 from cutenv.display.report import RecordPicture
 from cutenv.records import ColumnMap, Imported, RecordError, read_record
@@ -80,10 +79,8 @@ class Upload:
     def read(self, form: Mapping[str, str]) -> tuple[list[ReadCut], list[str], list[RecordPicture]]:
         """Read the files by a form of columns; return cuts, notes, pictures.
 
-        Raises
-        ------
-        ValueError
-            If the form names no columns of the files, or a file cannot be read: names it, place, reason and cure.
+        Raises ValueError if the form names no columns of the files, or a file cannot be read; it names file, place,
+        reason and cure.
         """
         mapping = picked_map(form) if self.columns else None
         cuts: list[ReadCut] = []
@@ -102,13 +99,7 @@ class Upload:
 
 
 def picked_map(form: Mapping[str, str]) -> ColumnMap:
-    """Return the mapping of a form's fields such as ``force`` and ``force_unit``.
-
-    Raises
-    ------
-    ValueError
-        If it is no mapping.
-    """
+    """Return the mapping of fields such as ``force`` and ``force_unit``, or ValueError."""
     given: dict[str, str] = {}
     for field in PICKED:
         columns = [f"#{column}" for name in (field, f"{field}_y", f"{field}_z") if (column := form.get(name, ""))]
@@ -146,10 +137,7 @@ def _number(name: str, text: str) -> float:
 
 
 class Uploads:
-    """Folder of uploads that wait for columns to be named.
-
-    The oldest of too many goes.
-    """
+    """Uploads that wait for columns to be named; the oldest of too many goes."""
 
     def __init__(self) -> None:
         self._staged: dict[str, tuple[Upload, Path]] = {}
@@ -158,10 +146,8 @@ class Uploads:
     def add(self, files: Sequence[tuple[str, bytes]]) -> Upload:
         """Stage files, each a name to show and its content.
 
-        Raises
-        ------
-        ValueError
-            If there are none or too many, or one is no text with a table of numbers; nothing is kept then.
+        Raises ValueError if there are none or too many, or one is no text with a table of numbers; nothing is kept
+        then.
         """
         if not 1 <= len(files) <= _MOST_FILES:
             raise ValueError(f"{len(files)} files cannot be taken at once. Give 1 to {_MOST_FILES}.")
@@ -244,8 +230,3 @@ def _previewed(table: NamedColumns) -> tuple[tuple[PreviewColumn, ...], dict[str
     if "rate" in items:
         form["rate"] = items["rate"].removesuffix("Hz")
     return columns, form, tuple(map(str, found.questions))
-
-
-def units_by_field() -> dict[str, tuple[Unit, ...]]:
-    """Return the units that can be picked, by field."""
-    return {field: FIELD_UNITS[field] for field in PICKED}

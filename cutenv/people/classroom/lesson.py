@@ -1,7 +1,4 @@
-"""One class at work: hands out specimens, and keeps confirmed cuts.
-
-Every cut is repeated by the server's own law.
-"""
+"""One class at work: hands out specimens, and keeps cuts that its law confirms."""
 
 from __future__ import annotations
 
@@ -31,7 +28,7 @@ from cutenv._base.output import put_in_place
 from cutenv.display.report.page import in_languages
 from cutenv.display.report.score_page import ScoredRecord, write_score_page
 from cutenv.envs.tissue_source import TissueSource
-from cutenv.people.browser.page_alone import specimen_data
+from cutenv.people.browser.page_data import specimen_data
 from cutenv.people.browser.stylus_steps import HandCut
 from cutenv.people.browser.watched_cut import (
     MOVEMENTS,
@@ -136,21 +133,8 @@ _OWN_WAY = 0.01  # m that a hand has to go before nobody else's goes the same wa
 _LEFTOVER = 60.0  # s after which a part of a record belongs to a server that was killed
 
 # Facts that a record of another program may claim, and that only this server's own records may have.
-_FACTS_OF_A_CONFIRMED_CUT = frozenset(
-    (
-        "course",
-        "task",
-        "feedback",
-        "crossover",
-        "hand",
-        "device_aids",
-        "stalled_s",
-        "movements_sha256",
-        MOVEMENTS,
-        TIP_AT_END,
-    )
-)
-
+_FACTS_OF_A_CONFIRMED_CUT = {"course", "task", "feedback", "crossover", "hand", "device_aids", "stalled_s"}
+_FACTS_OF_A_CONFIRMED_CUT |= {"movements_sha256", MOVEMENTS, TIP_AT_END}
 
 _CLOSED = {
     LEFT: "this cut was left, and so given up, when the next one was handed out.",
@@ -227,10 +211,7 @@ class Lesson:
         self.store.put(codes, **places)
 
     def drop_course(self, key: str) -> None:
-        """Delete a further course; "" restores the starting one.
-
-        Its people go on in the class's course.
-        """
+        """Delete a further course, whose people go on in the class's; "" restores the starting one."""
         if key:
             self.store.put([code for code, place in self.store.places().items() if place.course == key], course="")
         self.courses.drop(key)
@@ -283,12 +264,8 @@ class Lesson:
     def begin(self, code: str) -> dict[str, Any]:
         """Hand out the next cut as page data.
 
-        If the course is done, it has ``ahead`` and ``done`` only.
-
-        Raises
-        ------
-        OSError
-            If it is not known how far the person is, because a record cannot be read now.
+        If the course is done, it has ``ahead`` and ``done`` only. Raises OSError if it is not known how far the person
+        is, because a record cannot be read now.
         """
         with self.lock(code):
             cut = self.store.hand_out(code, lambda cuts: self._next(code, cuts))
@@ -482,14 +459,8 @@ class Lesson:
         """Return a saved cut for replay: specimen, movements and expert's way.
 
         The expert is a cut of the same specimen that the teacher has chosen, "example", or else the one that the task
-        names, the "planner" or an "agent".
-
-        Raises
-        ------
-        LookupError
-            If there is no such cut, it has no movements, or its task hides the force.
-        OSError, ValueError
-            If its record cannot be read.
+        names, the "planner" or an "agent". Raises LookupError if there is no such cut, it has no movements, or its task
+        hides the force. Raises OSError or ValueError if its record cannot be read.
         """
         cut = self.store.cut(number, code)
         task = self._task_once(code, cut)
@@ -503,12 +474,10 @@ class Lesson:
         movements = in_runs(self._movements(cut))
         by = kind_of_expert(task.expert) if expert is None else "example"
         kind, seed, target = cut.specimen_class, cut.seed, cut.target_length
-        line = task.line if TASKS[task.task].line else None
+        key: dict[str, Any] = {"task": task.task, "tissue": self.tissue, **task.of_line}
         if expert is None:
-            expert = expert_way(
-                kind, seed, 0, target, task=task.task, line=line, tissue=self.tissue, expert=task.expert
-            )
-        specimen = specimen_data(kind, seed, 0, target, task=task.task, tissue=self.tissue, **task.of_line)
+            expert = expert_way(kind, seed, 0, target, **key, expert=task.expert)
+        specimen = specimen_data(kind, seed, 0, target, **key)
         return {"specimen": specimen, "movements": movements, "expert": expert, "by": by}
 
     def demonstration(self, code: str) -> dict[str, Any]:
@@ -517,8 +486,7 @@ class Lesson:
         if course is None or not course.demonstration:
             raise LookupError("there is no demonstration.")
         task = course.for_operator(code).tasks[0]
-        line = task.line if TASKS[task.task].line else None
-        key: dict[str, Any] = {"task": task.task, "line": line, "tissue": self.tissue}
+        key: dict[str, Any] = {"task": task.task, "tissue": self.tissue, **task.of_line}
         kind, target = task.specimen_class, task.target_length
         with self._guard:  # some seconds of work, once
             seed, movements = shown_cut(kind, target, **key)
@@ -534,7 +502,6 @@ class Lesson:
         return from_runs(runs)
 
     def _way(self, cut: HandedOutCut, task: CourseTask) -> dict[str, list[float]]:
-        """Return a saved cut's way, recomputed by the law."""
         made = TASKS[task.task].hand(**_key(cut), **task.of_line, tissue=self.tissue)
         readings = made.follow(self._movements(cut))
         return way_of(readings, dict(zip(made.channel_fields, made.channels, strict=True)))
@@ -552,10 +519,7 @@ class Lesson:
         return tuple(dict.fromkeys(found if self.course is not None else ["gentle", *found]))
 
     def _task(self, code: str, cut: HandedOutCut) -> CourseTask | None:
-        """Return the task a cut was handed out for, or None.
-
-        Without a course it is gentle cutting.
-        """
+        """Return the task a cut was handed out for, gentle without a course, or None."""
         return self._task_in(self.course_of(code), code, cut)
 
     def _task_in(self, course: Course | None, code: str, cut: HandedOutCut) -> CourseTask | None:
@@ -677,10 +641,7 @@ class Lesson:
         return "\n".join(rows) + "\n"
 
     def records(self, code: str | None = None) -> bytes:
-        """Return records of one person or all as ZIP of CSV files.
-
-        It includes the table of the cuts.
-        """
+        """Return records of one person or all, with their table, as ZIP of CSV files."""
         packed = io.BytesIO()
         with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
             for cut in self.store.cuts(code):
@@ -706,7 +667,6 @@ def _record_name(cut: HandedOutCut) -> str:
 
 
 def _key(cut: HandedOutCut) -> dict[str, Any]:
-    """Return what the specimen of a cut is made by."""
     return {"specimen_class": cut.specimen_class, "seed": cut.seed, "target_length": cut.target_length}
 
 
@@ -715,12 +675,10 @@ def _same_specimen(one: HandedOutCut, other: HandedOutCut) -> bool:
 
 
 def _rows(movements: bytes, task: CourseTask) -> Array:
-    """Return movements as rows, one each millisecond."""
     return np.frombuffer(movements, "<f8").reshape(-1, _movement_size(task) // 8)
 
 
 def _movement_size(task: CourseTask) -> int:
-    """Return the number of bytes of a millisecond's movement."""
     return 8 * len(TASKS[task.task].hand.led.task.action_names)
 
 

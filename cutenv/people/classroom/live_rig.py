@@ -9,15 +9,17 @@ import socket
 import threading
 import time
 from collections import deque
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Any
 
+from starlette.datastructures import FormData
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
+from cutenv.people.classroom.class_site import ClassSite
 from cutenv.rig.operation.recorder import LIVE_SCHEMA
 
 _NUMBERS = (
@@ -35,24 +37,9 @@ _SCRIPT = Path(__file__).parent / "pages" / "rig.js"
 class LiveRig:
     """Receiver of what ``cutenv rig run --watch`` publishes on this machine.
 
-    It has no way to the rig: its socket only receives, and the rig never waits for it.
-
-    Parameters
-    ----------
-    port : int
-        Port on 127.0.0.1; 0 takes a free one.
-
-    Attributes
-    ----------
-    port : int
-        Its port.
-    ended : callable
-        Returns True once the server ends, so that its streams do too.
-
-    Raises
-    ------
-    ValueError
-        If the port is taken.
+    It has no way to the rig: its socket only receives, and the rig never waits for it. The port is on 127.0.0.1; 0
+    takes a free one. ``ended`` returns True once the server ends, so that its streams do too. Raises ValueError if the
+    port is taken.
     """
 
     def __init__(self, port: int) -> None:
@@ -112,34 +99,22 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e12 and math.isfinite(value)
 
 
-def live_routes(
-    live: LiveRig | None, teacher: Callable[[Request], Awaitable[None]], page: Callable[..., Response]
-) -> list[Route]:
+def live_routes(live: LiveRig | None, site: ClassSite) -> list[Route]:
     """Return routes of the teacher's live page; none without a rig.
 
     Readings go to the browser as server-sent events: by their protocol nothing can be sent back.
-
-    Parameters
-    ----------
-    live : LiveRig or None
-        The rig.
-    teacher : callable
-        Raises HTTPException if a request is not the teacher's.
-    page : callable
-        Returns a page from the name of its template and values.
     """
     if live is None:
         return []
     viewers = 0
 
-    async def rig_page(request: Request) -> Response:
-        await teacher(request)
-        answer = page("rig.html", code=_SCRIPT.read_text(encoding="utf-8"))
+    def rig_page(_: Request, __: FormData) -> Response:
+        answer = site.page("rig.html", code=_SCRIPT.read_text(encoding="utf-8"))
         answer.headers["Content-Security-Policy"] = "frame-ancestors 'none'"  # the rest stands in the page
         return answer
 
     async def readings(request: Request) -> Response:
-        await teacher(request)
+        await site.teacher(request)
         if viewers >= _MOST_VIEWERS:
             raise HTTPException(503, "Too many watch this rig.")
         last = request.headers.get("last-event-id", "0")
@@ -160,4 +135,4 @@ def live_routes(
         finally:
             viewers -= 1
 
-    return [Route("/rig", rig_page, methods=["GET"]), Route("/rig/readings", readings, methods=["GET"])]
+    return [site.teachers_route("GET", "/rig", rig_page), Route("/rig/readings", readings, methods=["GET"])]

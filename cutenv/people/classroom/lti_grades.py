@@ -45,14 +45,9 @@ def grade_of(lesson: Lesson, code: str, task: str = "") -> Grade | None:
     """Return a person's grade; None if there is none yet.
 
     Of one task it is the best score of the cuts of this task that the server saved, of the course the mean over its
-    tasks, of which one without a cut counts 0, and without a course the best score.  Cuts of other programs, given up
-    ones and those without a score count for nothing.  While a course is going on, nothing is said of a task whose
-    feedback is hidden, nor of a course with such a task.
-
-    Raises
-    ------
-    OSError
-        If a record cannot be read now.
+    tasks, of which one without a cut counts 0, and without a course the best score. Cuts of other programs, given up
+    ones and those without a score count for nothing. While a course is going on, nothing is said of a task whose
+    feedback is hidden, nor of a course with such a task. Raises OSError if a record cannot be read now.
     """
     progress = lesson.progress(code)
     if progress is not None and progress.unread:
@@ -78,23 +73,8 @@ def grade_of(lesson: Lesson, code: str, task: str = "") -> Grade | None:
 class GradeCourier:
     """Thread that sends grades to the platforms after each saved cut.
 
-    Parameters
-    ----------
-    lesson : Lesson
-        The class.
-    people : LtiPeople
-        People and places of grades.
-    file : PlatformFile
-        The platforms.
-    tokens : AccessTokens
-        Access tokens of the platforms.
-    said : str
-        Comment on each grade; ``{code}`` stands for the code of the person.
-
-    Attributes
-    ----------
-    troubles : dict of tuple to str
-        What prevents the grades of a platform now, by its key; they are tried again.
+    In the comment on each grade, ``{code}`` stands for the code of the person. ``troubles`` are, by key of a platform,
+    what prevents its grades now; they are tried again.
     """
 
     def __init__(

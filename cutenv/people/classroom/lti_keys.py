@@ -42,15 +42,7 @@ class BadToken(ValueError):
 
 
 class ToolKey:
-    """Signing key pair of the class, made and filed at first use.
-
-    The file is for its own account alone.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    """
+    """Signing key pair of the class, made at first use and filed for its account alone."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -122,11 +114,6 @@ class PlatformKeys:
 
     A platform changes its keys whenever it likes: one that is not known is looked for again, but not more often than
     every ten seconds, so that forged launches cannot flood a platform with requests.
-
-    Parameters
-    ----------
-    clock : callable
-        Returns the time [s].
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -172,15 +159,7 @@ def _keys_of(content: Mapping[str, Any]) -> dict[str, RSAKey]:
 
 
 class AccessTokens:
-    """Access tokens by platform and scope, cached until they expire.
-
-    Parameters
-    ----------
-    key : ToolKey
-        Key of the class.
-    clock : callable
-        Returns the present time, UTC.
-    """
+    """Access tokens by platform and scope, cached until they expire."""
 
     def __init__(self, key: ToolKey, clock: Callable[[], datetime]) -> None:
         self._key, self._clock = key, clock
@@ -191,17 +170,7 @@ class AccessTokens:
         self._tokens.pop((*platform.key, scope), None)
 
     def find(self, platform: Platform, scope: str) -> str:
-        """Return an access token of a platform for a scope.
-
-        Raises
-        ------
-        PlatformRefused
-            If the platform answers with an error.
-        PlatformUnreachable
-            If it answers without a token, or not at all.
-        ValueError
-            If the class's key cannot be read.
-        """
+        """Return an access token of a platform for a scope, or raise PlatformUnreachable."""
         token, until = self._tokens.get((*platform.key, scope), ("", 0.0))
         if time.monotonic() < until:
             return token

@@ -46,15 +46,7 @@ class RefusedLaunch(ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class Launch:
-    """Launch that has proved where it comes from.
-
-    Attributes
-    ----------
-    platform : Platform
-        The platform.
-    claims : mapping
-        What it says.
-    """
+    """Launch that has proved where it comes from."""
 
     platform: Platform
     claims: Mapping[str, Any]
@@ -132,19 +124,7 @@ class Launch:
         return _checked("deep_link_return_url", address, self.platform)
 
     def choices(self, key: ToolKey, launch_url: str, titles: Mapping[str, str], now: Any) -> dict[str, str]:
-        """Return signed answers by choice: a task, "" for the course.
-
-        Parameters
-        ----------
-        key : ToolKey
-            Key of the class.
-        launch_url : str
-            Address to which the link is to lead.
-        titles : mapping of str to str
-            Titles of the links, by task.
-        now : datetime
-            Present time.
-        """
+        """Return signed answers, links with titles by task, "" for the course."""
         settings = _table(self.claims.get(f"{_DL}deep_linking_settings"))
         shared = {
             "iss": self.platform.client_id,
@@ -169,19 +149,7 @@ class Launch:
 
 
 class LaunchDoor:
-    """Door through which launches come in.
-
-    Parameters
-    ----------
-    file : PlatformFile
-        The platforms.
-    people : LtiPeople
-        Where used launches are noted.
-    clock : callable
-        Returns the present time, UTC.
-    keys : PlatformKeys
-        Keys of the platforms.
-    """
+    """Door through which launches come in."""
 
     def __init__(self, file: PlatformFile, people: LtiPeople, clock: Any, keys: PlatformKeys | None = None) -> None:
         self._file, self._people, self._clock = file, people, clock
@@ -190,17 +158,8 @@ class LaunchDoor:
     def sign_in(self, asked: Mapping[str, str], redirect_url: str) -> tuple[str, str, str]:
         """Return redirect address, state and browser secret of a sign-in request.
 
-        Parameters
-        ----------
-        asked : mapping of str to str
-            Parameters of the request.
-        redirect_url : str
-            Address to which the platform is to send the launch.
-
-        Raises
-        ------
-        RefusedLaunch
-            If the class is not registered there, or a parameter is missing.
+        The platform is to send the launch to ``redirect_url``. Raises RefusedLaunch if the class is not registered
+        there, or a parameter is missing.
         """
         for name in ("iss", "login_hint", "target_link_uri"):
             if not asked.get(name):
@@ -230,19 +189,8 @@ class LaunchDoor:
     def enter(self, token: str, state: str, secret: str) -> Launch:
         """Return a launch that is sound, and use it up.
 
-        Parameters
-        ----------
-        token, state : str
-            What the platform has sent.
-        secret : str
-            What the browser has kept; "" for nothing.
-
-        Raises
-        ------
-        RefusedLaunch
-            If it is not.
-        PlatformUnreachable
-            If the platform's keys cannot be had.
+        Token and state are sent by the platform, the secret is what the browser has kept, or "". Raises RefusedLaunch,
+        or PlatformUnreachable if the platform's keys cannot be had.
         """
         if not secret or not _STATE.fullmatch(state):
             raise RefusedLaunch(_OTHER_BROWSER)
@@ -311,10 +259,7 @@ class LaunchDoor:
 
 
 def _derived(what: str, secret: str, platform: Platform) -> str:
-    """Return a launch's state or nonce, derived from the secret.
-
-    Neither reveals the secret or the other.
-    """
+    """Return a launch's state or nonce, which reveals neither secret nor the other."""
     return hashlib.sha256("\0".join((what, secret, *platform.key)).encode()).hexdigest()
 
 

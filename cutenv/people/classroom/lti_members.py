@@ -81,27 +81,10 @@ class WrongMembers(PlatformUnreachable):
 def course_members(platform: Platform, course: str, members_url: str, tokens: AccessTokens) -> CourseMembers:
     """Return a course's present members from its platform.
 
-    Deleted members are left out; of two entries of one person the later one holds.
-
-    Parameters
-    ----------
-    platform : Platform
-        The platform.
-    course : str
-        Identifier of the course; the list must be of this one.
-    members_url : str
-        Address of the list, from a launch.
-    tokens : AccessTokens
-        Access tokens of the platforms.
-
-    Raises
-    ------
-    PlatformRefused
-        If the platform does not give its list to the class.
-    PlatformUnreachable
-        If it does not answer, or not with a list of this course.
-    ValueError
-        If the address is none that may be asked, or the class's key cannot be read.
+    Deleted members are left out; of two entries of one person the later one holds. The list must be of this course; its
+    address is from a launch. Raises PlatformRefused if the platform does not give its list to the class,
+    PlatformUnreachable if it gives none of this course, ValueError for an address that may not be asked or an
+    unreadable key of the class.
     """
     checked_address("members_url", members_url, local=platform.is_local)
     place, title, found, skipped = without_query(members_url), "", dict[str, CourseMember | None](), 0
@@ -233,15 +216,7 @@ class CourseRoster(NamedTuple):
 
 
 def course_rosters(tool: LtiTool, lesson: Lesson) -> Iterator[CourseRoster]:
-    """Yield a roster of each course whose teachers teach in the class.
-
-    Parameters
-    ----------
-    tool : LtiTool
-        The class as a tool of the platforms, which are asked.
-    lesson : Lesson
-        The class.
-    """
+    """Yield a roster of each course whose teachers teach in the class."""
     counts = Counter(cut.code for cut in lesson.store.cuts() if cut.state == SAVED and cut.task != WARM_UP)
     for platform in tool.file.platforms:
         for course in platform.teacher_courses:

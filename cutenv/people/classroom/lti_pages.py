@@ -14,9 +14,8 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.routing import Route
 
-from cutenv.display.report.page import translated
-from cutenv.people.browser.page_alone import script_digest
-from cutenv.people.classroom.class_site import LAUNCH_PATHS, ClassSite, text_of
+from cutenv.display.report.page import script_digest, translated
+from cutenv.people.classroom.class_site import LAUNCH_PATHS, ClassSite, Pages, text_of
 from cutenv.people.classroom.host_names import is_loopback
 from cutenv.people.classroom.lti_keys import BadToken
 from cutenv.people.classroom.lti_launch import Launch, RefusedLaunch
@@ -43,26 +42,19 @@ _AT_ONCE = 4  # launches that are checked at once, each of which may wait for a 
 _LONGEST_TROUBLE = 600
 
 
-class LtiPages:
-    """Pages and answers for learning platforms.
-
-    Parameters
-    ----------
-    site : ClassSite
-        Site of the class.
-    tool : LtiTool
-        The class as a tool of the platforms.
-    """
+class LtiPages(Pages):
+    """Pages and answers for learning platforms."""
 
     def __init__(self, site: ClassSite, tool: LtiTool) -> None:
-        self._site, self._tool, self._lesson = site, tool, site.lesson
+        super().__init__(site)
+        self._tool = tool
         self._desk = RegistrationDesk(tool, site.lesson.store.clock, site.title, _PATHS)
         self._limit = anyio.CapacityLimiter(_AT_ONCE)
 
     @property
     def routes(self) -> list[Route]:
         """Routes of these pages."""
-        route, framed = self._site.teachers_route, self._framed
+        route, framed = partial(self._site.teachers_route, limiter=self._limit), self._framed
         return [
             Route(_LOGIN, framed(self.login), methods=["GET", "POST"]),
             Route(_LAUNCH, framed(self.launch), methods=["POST"]),
@@ -71,7 +63,8 @@ class LtiPages:
             Route("/lti/agree", framed(self.agree), methods=["POST"]),
             Route(_PATHS["jwks"], self.jwks, methods=["GET"]),
             Route("/lti/register/{invitation}", framed(self.registered), methods=["GET"]),
-            route("GET", "/teacher/platforms", self.platforms), route("POST", "/teacher/platforms", self.register),
+            route("GET", "/teacher/platforms", lambda request, _: self.platforms(request, {})),
+            route("POST", "/teacher/platforms", self.register),
             route("GET", "/teacher/members", self.members),
         ]  # fmt: skip
 
@@ -123,7 +116,6 @@ class LtiPages:
         return response
 
     def _cookie(self, state: str) -> str:
-        """Return the cookie name of one of several launches."""
         return f"{self._site.person_cookie}_{state[:16] if state.isalnum() and state.isascii() else ''}"
 
     async def launch(self, request: Request) -> Response:
@@ -150,21 +142,16 @@ class LtiPages:
         if launch.is_choice:
             return self._choice(launch, launch_url)
         if launch.may_teach:
-            token = self._lesson.store.sign_in(self._site.teacher_name)
-            return self._site.sign(RedirectResponse("../teacher", 303), self._site.teacher_cookie, token)
+            return self._site.sign_in(self._site.teacher_name, "../teacher")
         if launch.is_instructors:
             return self._page("lti_instructor.html", course=launch.course)
         learner = launch.learner
         code = self._tool.people.code_of(learner)
         # Where cuts are sent on, too, everybody agrees at every sign-in, as by a code.
         if code is not None and self._site.courier is None and (code, True) in self._lesson.store.codes():
-            return self._signed_in(self._tool.people.enter(learner))
+            return self._site.sign_in(self._tool.people.enter(learner), "../cut")
         ticket = self._tool.key.signed(learner._asdict(), _CONSENT, self._lesson.store.clock(), _CONSENT_WITHIN)
         return self._site.page("lti_agree.html", ticket=ticket, platform=launch.platform.title, trouble="")
-
-    def _signed_in(self, code: str) -> Response:
-        token = self._lesson.store.sign_in(code)
-        return self._site.sign(RedirectResponse("../cut", 303), self._site.person_cookie, token)
 
     async def agree(self, request: Request) -> Response:
         """Sign in a person who consents; nothing was stored before."""
@@ -185,10 +172,9 @@ class LtiPages:
         store.consent(code)
         if self._site.courier is not None:
             self._site.courier.queue.agree(code)
-        return self._signed_in(code)
+        return self._site.sign_in(code, "../cut")
 
     def _choice(self, launch: Launch, launch_url: str) -> Response:
-        """Return the instructor's page for choosing a course or task."""
         address, courses = launch.return_url, self._lesson.courses_open_to(launch.class_name)
         name = partial(course_name, self._site.language)
         titles = {"": name(courses[0].name) if len(courses) == 1 else self._site.title}
@@ -209,18 +195,15 @@ class LtiPages:
         """Answer with the class's public key, for platforms."""
         return JSONResponse(await self._in_thread(lambda: self._tool.key.public))
 
-    async def platforms(self, request: Request) -> Response:
-        """Show the registrations, and the grades that go to the platforms."""
-        return await self._in_thread(self._platforms, request, {})
-
-    def _platforms(
-        self, request: Request, filled: dict[str, str], trouble: str = "", status: int = 200, *, invite: bool = False
+    def platforms(
+        self, request: Request, filled: dict[str, str], trouble: str = "", *, invite: bool = False
     ) -> Response:
+        """Show the registrations, and the grades that go to the platforms."""
         base = str(request.base_url).rstrip("/")
         safe = request.url.scheme == "https" or is_loopback(request.url.hostname or "")
         invitation = f"{base}/lti/register/{self._desk.invite(base)}" if invite and safe else ""
         return self._site.page(
-            "lti_platforms.html", status, root="../", platforms=self._tool.file.platforms,
+            "lti_platforms.html", 422 if trouble else 200, root="../", platforms=self._tool.file.platforms,
             rows=self._tool.people.grades(), filled=filled, trouble=trouble, troubles=self._tool.troubles(),
             fields=_FIELDS, safe=safe, addresses={name: base + path for name, path in _PATHS.items()},
             invitation=invitation,
@@ -232,22 +215,16 @@ class LtiPages:
         platform = await self._in_thread(self._desk.register, request.path_params["invitation"], *asked)
         return self._page("lti_registered.html", script=_CLOSE, code=_CLOSE, platform=platform)
 
-    async def members(self, request: Request) -> Response:
+    def members(self, _: Request, __: FormData) -> Response:
         """Show who of the platforms' courses has cut, by name."""
-        return await self._in_thread(self._members)
-
-    def _members(self) -> Response:
         rosters = list(course_rosters(self._tool, self._lesson))
         return self._site.page("lti_members.html", root="../", rosters=rosters)
 
-    async def register(self, request: Request) -> Response:
+    def register(self, request: Request, form: FormData) -> Response:
         """Add, invite or remove a platform, or resend refused grades."""
-        return await self._in_thread(self._register, request, await request.form())
-
-    def _register(self, request: Request, form: FormData) -> Response:
         do = text_of(form, "do")
         if do == "invite":
-            return self._platforms(request, {}, invite=True)
+            return self.platforms(request, {}, invite=True)
         if do == "again":
             self._tool.grades.send_again()
         elif do == "drop":
@@ -257,7 +234,7 @@ class LtiPages:
             try:
                 self._tool.file.add(_platform_of(filled))
             except (TypeError, ValueError) as error:
-                return self._platforms(request, filled, self._said(str(error)), 422)
+                return self.platforms(request, filled, self._said(str(error)))
         else:
             raise HTTPException(422, f"do = {do!r} is none of add, invite, drop, again.")
         return RedirectResponse("platforms", 303)

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import hashlib
 from contextlib import suppress
-from datetime import datetime, timedelta
+from datetime import timedelta
 from typing import NamedTuple
 
 from sqlalchemy import ColumnElement, delete, func, insert, select, update
 from sqlalchemy.exc import IntegrityError
 
-from cutenv.people.classroom.class_store import ClassStore
+from cutenv.people.classroom.class_store import ClassStore, written
 from cutenv.people.classroom.class_tables import CUTS, LTI_COURSES, LTI_GRADES, LTI_NONCES, LTI_PEOPLE, SAVED
 
+_IDENTIFIERS = ("issuer", "deployment", "subject")  # of a person
 _LONGEST_TROUBLE = 300
 _REMEMBERED = timedelta(hours=2)  # longer than any launch is accepted
 
@@ -35,10 +36,7 @@ class Learner(NamedTuple):
 
 
 class GradeRow(NamedTuple):
-    """Grade column of a person, and what was sent.
-
-    ``sent`` is None before the first, ``trouble`` "" without one.
-    """
+    """Grade column of a person, and what was ``sent``, None before the first."""
 
     code: str
     line_item: str
@@ -54,13 +52,7 @@ class GradeRow(NamedTuple):
 
 
 class LtiPeople:
-    """People of learning platforms, and the places of their grades.
-
-    Parameters
-    ----------
-    store : ClassStore
-        Database of the class.
-    """
+    """People of learning platforms, and the places of their grades."""
 
     def __init__(self, store: ClassStore) -> None:
         self._store = store
@@ -69,28 +61,24 @@ class LtiPeople:
         """Mark a launch as used; return False if it was."""
         now = self._store.clock()
         digest = hashlib.sha256(nonce.encode()).hexdigest()
-        old = LTI_NONCES.c.expires < _written(now)
-        with self._store.engine.begin() as connection:
-            connection.execute(delete(LTI_NONCES).where(old))
+        self._store.run(delete(LTI_NONCES).where(LTI_NONCES.c.expires < written(now)))
         try:
-            with self._store.engine.begin() as connection:
-                connection.execute(insert(LTI_NONCES).values(nonce=digest, expires=_written(now + _REMEMBERED)))
+            self._store.run(insert(LTI_NONCES).values(nonce=digest, expires=written(now + _REMEMBERED)))
         except IntegrityError:
             return False
         return True
 
     def code_of(self, learner: Learner) -> str | None:
         """Return a person's code, None for a new one."""
-        with self._store.engine.begin() as connection:
-            return connection.execute(select(LTI_PEOPLE.c.code).where(_is(learner))).scalar_one_or_none()
+        mine = (getattr(LTI_PEOPLE.c, name) == getattr(learner, name) for name in _IDENTIFIERS)
+        return next((row.code for row in self._store.rows(select(LTI_PEOPLE.c.code).where(*mine))), None)
 
     def codes(self, issuer: str) -> dict[str, list[str]]:
         """Return codes of a platform's people by its identifier of them."""
         mine = select(LTI_PEOPLE.c.subject, LTI_PEOPLE.c.code).where(LTI_PEOPLE.c.issuer == issuer)
         found: dict[str, list[str]] = {}
-        with self._store.engine.begin() as connection:
-            for subject, code in connection.execute(mine.order_by(LTI_PEOPLE.c.code)):
-                found.setdefault(subject, []).append(code)
+        for subject, code in self._store.rows(mine.order_by(LTI_PEOPLE.c.code)):
+            found.setdefault(subject, []).append(code)
         return found
 
     def note_members_url(self, issuer: str, client_id: str, course: str, members_url: str) -> None:
@@ -98,15 +86,14 @@ class LtiPeople:
         values = {"issuer": issuer, "client_id": client_id, "course": course, "members_url": members_url}
         if self.members_url(issuer, client_id, course) == members_url:
             return
-        with suppress(IntegrityError), self._store.engine.begin() as connection:  # another launch at this moment
-            connection.execute(delete(LTI_COURSES).where(_is_course(issuer, client_id, course)))
-            connection.execute(insert(LTI_COURSES).values(**values))
+        with suppress(IntegrityError):  # another launch at this moment
+            former = delete(LTI_COURSES).where(_is_course(issuer, client_id, course))
+            self._store.run(former, insert(LTI_COURSES).values(**values))
 
     def members_url(self, issuer: str, client_id: str, course: str) -> str | None:
         """Return the member list's address, "" or, before any launch, None."""
         wanted = select(LTI_COURSES.c.members_url).where(_is_course(issuer, client_id, course))
-        with self._store.engine.begin() as connection:
-            return connection.execute(wanted).scalar_one_or_none()
+        return next((row.members_url for row in self._store.rows(wanted)), None)
 
     def enter(self, learner: Learner) -> str:
         """Return a person's code, new if necessary, and note the grade column."""
@@ -119,10 +106,9 @@ class LtiPeople:
 
     def _new_code(self, learner: Learner) -> str:
         (made,) = self._store.add_codes(1)
-        identifiers = {name: getattr(learner, name) for name in ("issuer", "deployment", "subject")}
+        identifiers = {name: getattr(learner, name) for name in _IDENTIFIERS}
         try:
-            with self._store.engine.begin() as connection:
-                connection.execute(insert(LTI_PEOPLE).values(code=made, **identifiers))
+            self._store.run(insert(LTI_PEOPLE).values(code=made, **identifiers))
         except IntegrityError:  # entered a second time at this moment
             self._store.delete(made)
             return self.code_of(learner) or self._new_code(learner)
@@ -141,8 +127,8 @@ class LtiPeople:
                 connection.execute(update(LTI_GRADES).where(mine).values(**now))
                 return
         fresh = {"code": code, "line_item": learner.line_item, "counted": 0, "trouble": ""}
-        with suppress(IntegrityError), self._store.engine.begin() as connection:  # another launch at this moment
-            connection.execute(insert(LTI_GRADES).values(**fresh, **now))
+        with suppress(IntegrityError):  # another launch at this moment
+            self._store.run(insert(LTI_GRADES).values(**fresh, **now))
 
     def grades(self, *, due: bool = False) -> list[GradeRow]:
         """Return grade columns by code, all or those due.
@@ -160,8 +146,7 @@ class LtiPeople:
             LTI_GRADES, LTI_PEOPLE, LTI_GRADES.c.code == LTI_PEOPLE.c.code
         )
         wanted = everything.where(LTI_GRADES.c.counted != saved) if due else everything
-        with self._store.engine.begin() as connection:
-            rows = connection.execute(wanted.order_by(LTI_GRADES.c.code, LTI_GRADES.c.line_item)).all()
+        rows = self._store.rows(wanted.order_by(LTI_GRADES.c.code, LTI_GRADES.c.line_item))
         return [
             GradeRow(
                 row.code, row.line_item, row.issuer, row.client_id, row.subject, row.task, row.counted, row.cuts,
@@ -172,8 +157,7 @@ class LtiPeople:
 
     def sent(self, row: GradeRow, score: int) -> None:
         """Note that a grade with the row's cuts has arrived."""
-        now = _written(self._store.clock())
-        self._change(row, counted=row.cuts, sent=score, since=now, trouble="")
+        self._change(row, counted=row.cuts, sent=score, since=written(self._store.clock()), trouble="")
 
     def refused(self, row: GradeRow, trouble: str) -> None:
         """Note a refused grade and why, until the next cut."""
@@ -181,27 +165,13 @@ class LtiPeople:
 
     def send_again(self) -> None:
         """Let every grade that was refused wait again."""
-        with self._store.engine.begin() as connection:
-            connection.execute(update(LTI_GRADES).where(LTI_GRADES.c.trouble != "").values(counted=-1, trouble=""))
+        self._store.run(update(LTI_GRADES).where(LTI_GRADES.c.trouble != "").values(counted=-1, trouble=""))
 
     def _change(self, row: GradeRow, **values: object) -> None:
         mine = (LTI_GRADES.c.code == row.code) & (LTI_GRADES.c.line_item == row.line_item)
         same_task = LTI_GRADES.c.task == row.task  # else a launch has changed it meanwhile
-        with self._store.engine.begin() as connection:
-            connection.execute(update(LTI_GRADES).where(mine & same_task).values(**values))
-
-
-def _is(learner: Learner) -> ColumnElement[bool]:
-    return (
-        (LTI_PEOPLE.c.issuer == learner.issuer)
-        & (LTI_PEOPLE.c.deployment == learner.deployment)
-        & (LTI_PEOPLE.c.subject == learner.subject)
-    )
+        self._store.run(update(LTI_GRADES).where(mine & same_task).values(**values))
 
 
 def _is_course(issuer: str, client_id: str, course: str) -> ColumnElement[bool]:
     return (LTI_COURSES.c.issuer == issuer) & (LTI_COURSES.c.client_id == client_id) & (LTI_COURSES.c.course == course)
-
-
-def _written(moment: datetime) -> str:
-    return moment.isoformat(timespec="microseconds")

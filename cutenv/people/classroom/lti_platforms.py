@@ -36,17 +36,7 @@ _OPENER = urllib.request.build_opener(NoRedirects)
 def checked_address(field: str, address: str, *, local: bool = False) -> str:
     """Return a platform's address if https, or http on a local platform.
 
-    Parameters
-    ----------
-    field, address : str
-        Name of the field, and its value.
-    local : bool
-        True if the platform itself runs on this machine, as in a trial.
-
-    Raises
-    ------
-    ValueError
-        If it is none.
+    The platform is ``local`` if it runs on this machine, as in a trial. Raises ValueError if it is none.
     """
     cure = f"Copy {field} from the platform's page of the registration: it begins with https://."
     try:
@@ -66,36 +56,18 @@ def checked_address(field: str, address: str, *, local: bool = False) -> str:
 class Platform:
     """Registration of the class with one platform.
 
-    Attributes
-    ----------
-    issuer, client_id : str
-        Identifiers of the platform, and of the class there.
-    auth_url, token_url, jwks_url : str
-        Addresses of the platform: of its sign-in, of its access tokens, and of its public keys.
-    deployments : tuple of str
-        Identifiers of the deployments that may launch the class.
-    name : str
-        Name on the pages, by default the issuer.
-    token_audience : str
-        Audience of the class's statements to ``token_url``, which it is by default.
-    teacher_courses : tuple of str
-        Identifiers of the platform's courses whose instructors are let into the teacher's pages; by default none.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If a field cannot be that; the text names it with its value and cure.
+    Raises TypeError or ValueError if a field cannot be that; the text names it with its value and cure.
     """
 
     issuer: str
-    client_id: str
-    auth_url: str
-    token_url: str
-    jwks_url: str
-    deployments: tuple[str, ...]
-    name: str = ""
-    token_audience: str = ""
-    teacher_courses: tuple[str, ...] = ()
+    client_id: str  # of the class at the issuer
+    auth_url: str  # of its sign-in
+    token_url: str  # of its access tokens
+    jwks_url: str  # of its public keys
+    deployments: tuple[str, ...]  # that may launch the class
+    name: str = ""  # on the pages; by default the issuer
+    token_audience: str = ""  # of the class's statements to token_url; by default that
+    teacher_courses: tuple[str, ...] = ()  # whose instructors are let into the teacher's pages
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
@@ -150,17 +122,8 @@ def _check_list(field: str, value: Any) -> None:
 class PlatformFile:
     """File of the platforms, read again whenever it has changed.
 
-    Parameters
-    ----------
-    path : Path
-        The file; it need not be there.
-
-    Attributes
-    ----------
-    path : Path
-        As above.
-    trouble : str
-        Why the present file cannot be read, "" if it can; the platforms that were read before hold then.
+    It need not be there. ``trouble`` says why the present file cannot be read, "" if it can; the platforms that were
+    read before hold then.
     """
 
     def __init__(self, path: Path) -> None:
@@ -212,13 +175,7 @@ class PlatformFile:
 
 
 def read_platforms(path: Path) -> tuple[Platform, ...]:
-    """Return the platforms of a file.
-
-    Raises
-    ------
-    OSError, TypeError, ValueError
-        If it cannot be read; the text names file, platform, field, value and cure.
-    """
+    """Return the platforms of a file; an error names file, field, value and cure."""
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:
@@ -276,12 +233,7 @@ class PlatformRefused(PlatformUnreachable):
 def asked(url: str, content: bytes | None = None, headers: Mapping[str, str] | None = None) -> tuple[bytes, Message]:
     """Return a platform's answer and headers: POST with ``content``, else GET.
 
-    Raises
-    ------
-    PlatformRefused
-        If it answers with an error or a redirect.
-    PlatformUnreachable
-        If it answers too late, too much or not at all.
+    Raises PlatformRefused for an error or a redirect, PlatformUnreachable for an answer too late, too large or missing.
     """
     ends = time.monotonic() + _WITHIN
     request = urllib.request.Request(url, content, dict(headers or {}))

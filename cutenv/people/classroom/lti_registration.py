@@ -37,16 +37,7 @@ class RefusedRegistration(ValueError):
 class RegistrationDesk:
     """Registration of invited platforms, once within an hour per invitation.
 
-    Parameters
-    ----------
-    tool : LtiTool
-        The class as a tool of the platforms.
-    clock : callable
-        Returns the present time, UTC.
-    title : str
-        Name of the class, as the platform is to show it.
-    paths : mapping of str to str
-        Paths of the class by what they are for: login, launch, choose, jwks.
+    The title is the class's name on the platform, the paths are by what they are for: login, launch, choose, jwks.
     """
 
     def __init__(self, tool: LtiTool, clock: Callable[[], datetime], title: str, paths: Mapping[str, str]) -> None:
@@ -59,21 +50,9 @@ class RegistrationDesk:
     def register(self, invitation: str, configuration_url: str, token: str) -> Platform:
         """Register the class with a platform, and save the platform.
 
-        The invitation is used up once the platform is asked.
-
-        Parameters
-        ----------
-        invitation : str
-            From :meth:`invite`.
-        configuration_url, token : str
-            Where the platform describes itself, and what it wants to see again; "" for no token.
-
-        Raises
-        ------
-        RefusedRegistration
-            If the invitation does not hold, or the platform's configuration or answer is not sound.
-        PlatformUnreachable
-            If the platform does not answer as it should.
+        The invitation is used up once the platform is asked. The platform describes itself at ``configuration_url``,
+        and wants to see the token again, if any. Raises RefusedRegistration if the invitation does not hold, or the
+        platform's configuration or answer is not sound, PlatformUnreachable if it does not answer.
         """
         try:
             claims = self._tool.key.opened(invitation, _INVITATION, self._clock())
@@ -131,10 +110,7 @@ _OVER = "This registration address has been used or is too old. Make a new one o
 
 
 def _content_of(described: Mapping[str, Any], url: str, *, local: bool) -> dict[str, Any]:
-    """Return the file content from a platform's configuration.
-
-    The platform may describe itself alone.
-    """
+    """Return the file content from the configuration of a platform itself."""
     issuer = checked_address("issuer", _text(described, "issuer"), local=local)
     if not url.startswith(f"{issuer.rstrip('/')}/"):
         raise RefusedRegistration(f"{url} cannot speak for the platform {issuer!r}. {_BY_HAND}")

@@ -12,30 +12,7 @@ from cutenv.people.classroom.lti_platforms import PLATFORMS_FILE, PlatformFile
 
 
 class LtiTool:
-    """The class as a tool of learning platforms.
-
-    Parameters
-    ----------
-    lesson : Lesson
-        The class, whose folder has the platforms' file and the key.
-    language : {"en", "de"}
-        Language of the comment on a grade.
-
-    Attributes
-    ----------
-    file : PlatformFile
-        The platforms.
-    key : ToolKey
-        Key of the class.
-    people : LtiPeople
-        People whom the platforms have sent.
-    door : LaunchDoor
-        Where launches come in.
-    tokens : AccessTokens
-        Access tokens of the platforms.
-    grades : GradeCourier
-        Who sends grades.
-    """
+    """The class as a tool of learning platforms, in its language."""
 
     def __init__(self, lesson: Lesson, language: str = "en") -> None:
         folder = lesson.folder.parent

@@ -6,7 +6,8 @@ import functools
 import hmac
 import re
 import time
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Mapping
 from datetime import date
 from typing import Any
 
@@ -30,14 +31,15 @@ from cutenv.people.classroom.class_overview import (
     overview,
     people_of,
 )
-from cutenv.people.classroom.class_site import UPLOAD_PATH, ClassSite, Trials, download, text_of
+from cutenv.people.classroom.class_site import UPLOAD_PATH, ClassSite, Pages, Trials, download, text_of
 from cutenv.people.classroom.class_store import LONGEST_COMMENT, Place
 from cutenv.people.classroom.class_tables import KEPT, LEFT, SAVED, TRIAL
-from cutenv.people.classroom.foreign_upload import PICKED, picked_length, units_by_field
+from cutenv.people.classroom.foreign_upload import PICKED, Upload, picked_length
 from cutenv.people.classroom.host_names import is_loopback
 from cutenv.people.classroom.lesson import name_of
 from cutenv.people.classroom.live_rig import LiveRig
 from cutenv.people.play.course import WARM_UP
+from cutenv.records.schema import FIELD_UNITS
 from cutenv.records.scoring.study.estimate import FEWEST_PEOPLE
 
 _MOST_CODES = 500
@@ -45,22 +47,12 @@ _MOST_PICTURES = 12
 _TICKET_LASTS = 60.0  # [s]
 
 
-class TeacherPages:
-    """Pages and answers for the teacher.
-
-    Parameters
-    ----------
-    site : ClassSite
-        Site of the class.
-    ticket : str, optional
-        Secret that signs the teacher in once, by the address ``teacher/open/TICKET``, within the first minute.
-    live : LiveRig, optional
-        Rig that the teacher may watch.
-    """
+class TeacherPages(Pages):
+    """Pages and answers for the teacher."""
 
     def __init__(self, site: ClassSite, *, ticket: str | None = None, live: LiveRig | None = None) -> None:
-        self._site, self._lesson, self._live = site, site.lesson, live
-        self._trials = Trials()
+        super().__init__(site)
+        self._live, self._trials = live, Trials()
         self._ticket, self._opened = ticket, time.monotonic()
 
     @property
@@ -105,16 +97,7 @@ class TeacherPages:
             self._trials.check(address)  # the right one is let in: it cannot be guessed
             self._trials.failed(address)
             return self._site.page("teacher_sign_in.html", 403, trouble=self._site.words["wrong_token"])
-        return await self._signed_in("teacher")
-
-    async def _signed_in(self, page: str) -> Response:
-        token = await run_in_threadpool(self._lesson.store.sign_in, self._site.teacher_name)
-        return self._site.sign(RedirectResponse(page, 303), self._site.teacher_cookie, token)
-
-    async def leave_everywhere(self, request: Request) -> Response:
-        """Sign the teacher out wherever the token was used."""
-        await run_in_threadpool(self._lesson.store.sign_out_everywhere, self._site.teacher_name)
-        return RedirectResponse("../teacher", 303)
+        return await run_in_threadpool(self._site.sign_in, self._site.teacher_name, "teacher")
 
     async def open_once(self, request: Request) -> Response:
         """Sign the teacher in by the ticket, once."""
@@ -123,127 +106,120 @@ class TeacherPages:
         if ticket is None or late or not hmac.compare_digest(given, ticket.encode()):
             return RedirectResponse("../../teacher", 303)
         self._ticket = None
-        return await self._signed_in("../../teacher")
+        return await run_in_threadpool(self._site.sign_in, self._site.teacher_name, "../../teacher")
 
-    async def add_codes(self, request: Request) -> Response:
+    def leave_everywhere(self, _: Request, __: FormData) -> Response:
+        """Sign the teacher out wherever the token was used."""
+        self._lesson.store.sign_out_everywhere(self._site.teacher_name)
+        return RedirectResponse("../teacher", 303)
+
+    def add_codes(self, _: Request, form: FormData) -> Response:
         """Make codes for people."""
-        form = await request.form()
         count, class_name = str(form.get("count", "")), str(form.get("class_name", "")).strip()
         course = text_of(form, "course")
         if not (count.isascii() and count.isdecimal()) or not 1 <= int(count) <= _MOST_CODES:
             raise HTTPException(422, f"count = {count!r} is outside 1 to {_MOST_CODES}. Give how many codes.")
-        await run_in_threadpool(self._lesson.put, [], class_name=class_name, course=course)  # a bad one makes no codes
-        codes = await run_in_threadpool(self._lesson.store.add_codes, int(count))
-        await run_in_threadpool(self._lesson.put, codes, class_name=class_name, course=course)
+        self._lesson.put([], class_name=class_name, course=course)  # a bad one makes no codes
+        self._lesson.put(self._lesson.store.add_codes(int(count)), class_name=class_name, course=course)
         return RedirectResponse("../teacher", 303)
 
-    async def live_people(self, request: Request) -> Response:
+    def live_people(self, request: Request, _: FormData) -> Response:
         """Show what everybody does now; the page looks again by itself."""
         by, chosen = request.query_params.get("by", "doing"), request.query_params.get("class", "")
-        rows = await run_in_threadpool(
-            lambda: live_list(self._lesson, self._site.language, by=by, class_name=chosen or None)
-        )
-        places = await run_in_threadpool(self._lesson.store.places)
-        classes = sorted({place.class_name for place in places.values() if place.class_name})
+        rows = live_list(self._lesson, self._site.language, by=by, class_name=chosen or None)
+        classes = sorted({place.class_name for place in self._lesson.store.places().values() if place.class_name})
         answer = self._site.page(
             "teacher_live.html", rows=rows, by=by, orders=LIVE_ORDERS, classes=classes, chosen=chosen, root="../",
             course=any(row["course"] for row in rows), several=bool(self._lesson.courses.further()),
-            counts={state: _count(rows, state) for state in (CUTTING, STALLED)},
+            counts={state: sum(row["doing"] == state for row in rows) for state in (CUTTING, STALLED)},
         )  # fmt: skip
         answer.headers["Refresh"] = "5"  # the page has no script that could ask
         return answer
 
-    async def try_lesson(self, request: Request) -> Response:
+    def try_lesson(self, _: Request, form: FormData) -> Response:
         """Let the teacher cut as a learner without code, uncounted."""
-        await run_in_threadpool(self._lesson.delete, TRIAL)
-        await run_in_threadpool(self._lesson.store.add_code, TRIAL)
-        await run_in_threadpool(self._lesson.put, [TRIAL], course=text_of(await request.form(), "course"))
-        token = await run_in_threadpool(self._lesson.store.sign_in, TRIAL)
-        return self._site.sign(RedirectResponse("../cut", 303), self._site.person_cookie, token)
+        self._lesson.delete(TRIAL)
+        self._lesson.store.add_code(TRIAL)
+        self._lesson.put([TRIAL], course=text_of(form, "course"))
+        return self._site.sign_in(TRIAL, "../cut")
 
-    async def comment(self, request: Request) -> Response:
+    def comment(self, request: Request, form: FormData) -> Response:
         """Write a comment to a person, or take one back."""
-        form, code = await request.form(), request.path_params["code"]
+        code = request.path_params["code"]
         if back := text_of(form, "take_back"):
-            await run_in_threadpool(self._lesson.store.take_back, back, code)
+            self._lesson.store.take_back(back, code)
         else:
-            await run_in_threadpool(self._lesson.store.comment, code, text_of(form, "said"))
+            self._lesson.store.comment(code, text_of(form, "said"))
         return RedirectResponse(f"../{code}", 303)
 
-    async def sheet(self, request: Request) -> Response:
+    def sheet(self, request: Request, _: FormData) -> Response:
         """Show codes for printing, of everybody or one class."""
-        store, chosen = self._lesson.store, request.query_params.get("class", "")
-        codes, places = await run_in_threadpool(lambda: (store.codes(), store.places()))
-        slips = [(code, places.get(code, Place()).class_name) for code, _ in codes]
-        classes = sorted({name for _, name in slips if name})
+        chosen, places = request.query_params.get("class", ""), self._lesson.store.places()
+        slips = [(code, places.get(code, Place()).class_name) for code, _ in self._lesson.store.codes()]
+        address = str(request.base_url)
         return self._site.page(
             "code_sheet.html",
             codes=[slip for slip in slips if not chosen or slip[1] == chosen],
-            classes=classes,
+            classes=sorted({name for _, name in slips if name}),
             chosen=chosen,
-            address=str(request.base_url),
-            qr=functools.partial(qr_code, str(request.base_url)),
+            address=address,
+            qr=functools.partial(qr_code, address),
             here_alone=is_loopback(request.url.hostname or ""),
         )
 
-    async def records(self, request: Request) -> Response:
+    def records(self, request: Request, _: FormData) -> Response:
         """Send all records, or those of one person, packed."""
         code = request.path_params.get("code")
-        if code is not None and not await run_in_threadpool(self._lesson.store.knows, code):
+        if code is not None and not self._lesson.store.knows(code):
             raise HTTPException(404, "There is no such code.")
-        content = await run_in_threadpool(self._lesson.records, code)
-        name = "records.zip" if code is None else f"{code}.zip"
-        return download(content, name, "application/zip")
+        return download(self._lesson.records(code), f"{code or 'records'}.zip", "application/zip")
 
-    async def card(self, request: Request) -> Response:
+    def card(self, request: Request, _: FormData) -> Response:
         """Show the score card of a cut."""
         code, number = request.path_params["code"], request.path_params["number"]
-        return HTMLResponse(await run_in_threadpool(self._lesson.card_page, code, number, self._site.language))
+        return HTMLResponse(self._lesson.card_page(code, number, self._site.language))
 
-    async def remove(self, request: Request) -> Response:
+    def remove(self, _: Request, form: FormData) -> Response:
         """Delete a person, with all cuts."""
-        form = await request.form()
         code, again = (text_of(form, name).strip().upper() for name in ("code", "again"))
         if code != again:
             raise HTTPException(422, "The code was not typed a second time: nobody was deleted.")
-        if not await run_in_threadpool(self._lesson.delete, code):
+        if not self._lesson.delete(code):
             raise HTTPException(404, "There is no such code.")
         return RedirectResponse("../teacher", 303)
 
-    async def person(self, request: Request) -> Response:
+    def person(self, request: Request, _: FormData) -> Response:
         """Show a person's cuts."""
-        code = request.path_params["code"]
-        rows = (await run_in_threadpool(overview, self._lesson, self._site.language))["people"]
+        code, rows = request.path_params["code"], overview(self._lesson, self._site.language)["people"]
         codes = [row["code"] for row in rows]
-        for row in (row for row in rows if row["code"] == code):
-            k, comments = codes.index(code), await run_in_threadpool(self._lesson.store.comments, code)
-            return self._site.page(
-                "teacher_person.html", person=row, mark=row["mark"], root="../../", comments=comments,
-                longest=LONGEST_COMMENT, before=codes[k - 1] if k else "", after="".join(codes[k + 1 : k + 2]),
-            )  # fmt: skip
-        raise HTTPException(404, "There is no such code.")
+        if code not in codes:
+            raise HTTPException(404, "There is no such code.")
+        k = codes.index(code)
+        return self._site.page(
+            "teacher_person.html", person=rows[k], mark=rows[k]["mark"], root="../../", longest=LONGEST_COMMENT,
+            comments=self._lesson.store.comments(code), before=codes[k - 1] if k else "",
+            after="".join(codes[k + 1 : k + 2]),
+        )  # fmt: skip
 
-    async def example(self, request: Request) -> Response:
+    def example(self, request: Request, form: FormData) -> Response:
         """Show a person's cut as an example, or no longer."""
-        form, code = await request.form(), request.path_params["code"]
-        number, shown = text_of(form, "cut"), text_of(form, "shown") == "yes"
-        await run_in_threadpool(self._lesson.store.set_example, number, code, shown)
+        code = request.path_params["code"]
+        self._lesson.store.set_example(text_of(form, "cut"), code, text_of(form, "shown") == "yes")
         return RedirectResponse(f"../{code}", 303)
 
-    async def place(self, request: Request) -> Response:
+    def place(self, _: Request, form: FormData) -> Response:
         """Put people into classes, groups and courses."""
-        form = await request.form()
         codes = [str(code) for code in form.getlist("code")]
         if not codes:
             raise HTTPException(422, self._site.words["nobody_chosen"])
         given = {name: text_of(form, name).strip() for name in ("class_name", "group", "course")}
         new = {name: "" if text == "-" else text for name, text in given.items() if text}  # a dash takes out
-        await run_in_threadpool(self._lesson.put, codes, **new)
+        self._lesson.put(codes, **new)
         return RedirectResponse("../teacher", 303)
 
-    async def cut_table(self, request: Request) -> Response:
+    def cut_table(self, _: Request, __: FormData) -> Response:
         """Send a table of all cuts."""
-        return download((await run_in_threadpool(self._lesson.table)).encode(), "cuts.csv", "text/csv")
+        return download(self._lesson.table().encode(), "cuts.csv", "text/csv")
 
 
 def qr_code(address: str, code: str) -> str:
@@ -256,115 +232,87 @@ def qr_code(address: str, code: str) -> str:
     return str(made.svg_inline(scale=2, border=4, light="white", title=code))
 
 
-def _count(rows: Sequence[Mapping[str, Any]], state: str) -> int:
-    return sum(row["doing"] == state for row in rows)
-
-
 _TYPES = {".html": "text/html", ".csv": "text/csv", ".json": "application/json"}
 
 
-class StudyPages:
-    """Pages and answers for studies and pass marks.
-
-    Parameters
-    ----------
-    site : ClassSite
-        Site of the class.
-    """
-
-    def __init__(self, site: ClassSite) -> None:
-        self._site, self._lesson = site, site.lesson
+class StudyPages(Pages):
+    """Pages and answers for studies and pass marks."""
 
     @property
     def routes(self) -> list[Route]:
         """Routes of these pages."""
         route = self._site.teachers_route
         return [
-            route("GET", "/teacher/studies", self.studies), route("POST", "/teacher/studies", self.study),
+            route("GET", "/teacher/studies", lambda *_: self.studies_page()),
+            route("POST", "/teacher/studies", self.study),
             route("GET", "/teacher/studies/{number:str}", self.analysis),
             route("POST", "/teacher/studies/{number:str}/drop", self.drop_analysis),
             route("GET", "/teacher/studies/{number:str}/{name:str}", self.analysis_file),
             route("POST", "/teacher/pass-mark", self.set_mark),
         ]  # fmt: skip
 
-    def studies_page(self, trouble: str = "", status: int = 200) -> Response:
+    def studies_page(self, trouble: str = "") -> Response:
         """Return the page of studies and pass marks."""
         places = self._lesson.store.places()
-        everybody = [(code, places.get(code, Place()), cuts) for code, _, cuts in people_of(self._lesson)]
-        counts: dict[str, int] = {}
-        groups: dict[str, int] = {}
-        for _, where, cuts in everybody:
-            counts[where.class_name] = counts.get(where.class_name, 0) + 1
+        everybody = [(places.get(code, Place()), cuts) for code, _, cuts in people_of(self._lesson)]
+        classes = Counter(where.class_name for where, _ in everybody)
+        groups = {where.group: 0 for where, _ in everybody if where.group}
+        for where, cuts in everybody:
             if where.group:
-                groups[where.group] = groups.get(where.group, 0) + any(cut.state == SAVED for cut in cuts)
+                groups[where.group] += any(cut.state == SAVED for cut in cuts)
         return self._site.page(
-            "teacher_studies.html", status, trouble=trouble, classes=sorted(counts.items()),
+            "teacher_studies.html", 422 if trouble else 200, trouble=trouble, classes=sorted(classes.items()),
             groups=sorted(groups.items()), marks=marks_in_force(self._lesson), analyses=self._lesson.analyses.all(),
             fewest=FEWEST_PEOPLE, root="../",
         )  # fmt: skip
 
-    async def studies(self, request: Request) -> Response:
-        """Show the page of studies and pass marks."""
-        return await run_in_threadpool(self.studies_page)
-
-    async def study(self, request: Request) -> Response:
+    def study(self, _: Request, form: FormData) -> Response:
         """Begin a study, or the setting of pass marks."""
-        form = await request.form()
         try:
-            made = await run_in_threadpool(_begun, self._site, form)
+            return RedirectResponse(f"studies/{_begun(self._site, form)}", 303)
         except ValueError as error:
-            return await run_in_threadpool(self.studies_page, str(error), 422)
-        return RedirectResponse(f"studies/{made}", 303)
+            return self.studies_page(str(error))
 
-    async def analysis(self, request: Request) -> Response:
+    def analysis(self, request: Request, _: FormData) -> Response:
         """Show a study that is going on or done."""
         made = self._lesson.analyses.find(request.path_params["number"])
         state = made.state  # first of all: it may end while the page is made
-        shown: dict[str, Any] = {"state": state, "said": made.said(), "files": made.files(), "marks": made.marks()}
-        source = f"{made.title}, {date.today().isoformat()}"
         answer = self._site.page(
-            "teacher_analysis.html",
-            analysis=made,
-            source=source,
-            root="../../",
+            "teacher_analysis.html", analysis=made, state=state, said=made.said(), files=made.files(),
+            marks=made.marks(), source=f"{made.title}, {date.today().isoformat()}", root="../../",
             in_force=marks_in_force(self._lesson),
-            **shown,
-        )
+        )  # fmt: skip
         if state in ("waiting", "working"):
             answer.headers["Refresh"] = "2"  # the page has no script that could ask
         return answer
 
-    async def analysis_file(self, request: Request) -> Response:
+    def analysis_file(self, request: Request, _: FormData) -> Response:
         """Send a file of a study."""
-        made = self._lesson.analyses.find(request.path_params["number"])
-        name = request.path_params["name"]
+        made, name = self._lesson.analyses.find(request.path_params["number"]), request.path_params["name"]
         if name == "all.zip":
-            return download(await run_in_threadpool(made.packed), f"{made.kind}.zip", "application/zip")
+            return download(made.packed(), f"{made.kind}.zip", "application/zip")
         if name not in made.files():
             raise HTTPException(404, "There is no such page.")
         path = made.files()[name]
-        content = await run_in_threadpool(path.read_bytes)
-        kind = _TYPES[path.suffix]
+        content, kind = path.read_bytes(), _TYPES[path.suffix]
         return Response(content, media_type=kind) if kind == "text/html" else download(content, name, kind)
 
-    async def drop_analysis(self, request: Request) -> Response:
+    def drop_analysis(self, request: Request, _: FormData) -> Response:
         """Delete a study."""
-        await run_in_threadpool(self._lesson.analyses.drop, request.path_params["number"])
+        self._lesson.analyses.drop(request.path_params["number"])
         return RedirectResponse("../../studies", 303)
 
-    async def set_mark(self, request: Request) -> Response:
+    def set_mark(self, _: Request, form: FormData) -> Response:
         """Put a pass mark into force, or withdraw it."""
-        form = await request.form()
         try:
             mark = None if form.get("withdraw") else _mark(form, self._site.words)
             if mark is None and not form.get("withdraw"):
                 raise ValueError(self._site.words["no_mark"])
             source = text_of(form, "source") or self._site.words["mark_by_teacher"]
-            known, course = await run_in_threadpool(marks_in_force, self._lesson), text_of(form, "course")
-            course = course if course in known else next(iter(known))
-            await run_in_threadpool(self._lesson.store.set_pass_mark, course, mark, source)
+            known, course = marks_in_force(self._lesson), text_of(form, "course")
+            self._lesson.store.set_pass_mark(course if course in known else next(iter(known)), mark, source)
         except ValueError as error:
-            return await run_in_threadpool(self.studies_page, str(error), 422)
+            return self.studies_page(str(error))
         return RedirectResponse("studies", 303)
 
 
@@ -423,81 +371,63 @@ def _mark(form: FormData, words: Mapping[str, str]) -> float | None:
     return float(text)
 
 
-class UploadPages:
-    """Pages and answers for records of other programs.
-
-    Parameters
-    ----------
-    site : ClassSite
-        Site of the class.
-    """
-
-    def __init__(self, site: ClassSite) -> None:
-        self._site, self._lesson = site, site.lesson
+class UploadPages(Pages):
+    """Pages and answers for records of other programs."""
 
     @property
     def routes(self) -> list[Route]:
         """Routes of these pages."""
         route, staged = self._site.teachers_route, UPLOAD_PATH + "/{number:str}"
         return [
-            route("GET", UPLOAD_PATH, self.upload_form), route("POST", UPLOAD_PATH, self.upload),
-            route("GET", staged, self.staged_form), route("POST", staged, self.pick),
+            route("GET", UPLOAD_PATH, lambda *_: self.upload_page(None)),
+            route("POST", UPLOAD_PATH, self.upload, max_files=32, max_fields=8),
+            route("GET", staged, lambda request, _: self.upload_page(self._staged(request))),
+            route("POST", staged, self.pick),
         ]  # fmt: skip
 
-    def upload_page(self, upload: Any, status: int = 200, **values: Any) -> Response:
+    def _staged(self, request: Request) -> Upload:
+        return self._lesson.uploads.find(request.path_params["number"])
+
+    def upload_page(self, upload: Upload | None, *, trouble: str = "", **values: Any) -> Response:
         """Return the page on which records are sent and read."""
         form = values.pop("form", None) or (upload.guess if upload else {})
-        filled = {"trouble": "", "cuts": [], "notes": [], "kept": []} | values
+        filled = {"cuts": [], "notes": [], "kept": []} | values
         filled["pictures"] = [embedded_figure(record_figure(each)) for each in values.get("pictures", ())]
-        codes = [code for code, _ in self._lesson.store.codes()]
-        root = "../../" if upload else "../"
         return self._site.page(
-            "teacher_upload.html", status, upload=upload, form=form, codes=codes, picked=PICKED, units=units_by_field(),
-            root=root, **filled,
+            "teacher_upload.html", 422 if trouble else 200, trouble=trouble, upload=upload, form=form, picked=PICKED,
+            codes=[code for code, _ in self._lesson.store.codes()], units={each: FIELD_UNITS[each] for each in PICKED},
+            root="../../" if upload else "../", **filled,
         )  # fmt: skip
 
-    async def upload_form(self, request: Request) -> Response:
-        """Show the page on which records are sent."""
-        return await run_in_threadpool(self.upload_page, None)
-
-    async def upload(self, request: Request) -> Response:
+    def upload(self, _: Request, form: FormData) -> Response:
         """Take files."""
-        form = await request.form(max_files=32, max_fields=8)
         given = [each for each in form.getlist("record") if isinstance(each, UploadFile) and each.filename]
         try:
-            files = [(str(each.filename), await each.read()) for each in given]
-            staged = await run_in_threadpool(self._lesson.uploads.add, files)
+            staged = self._lesson.uploads.add([(str(each.filename), each.file.read()) for each in given])
         except ValueError as error:
-            return await run_in_threadpool(self.upload_page, None, 422, trouble=str(error))
+            return self.upload_page(None, trouble=str(error))
         return RedirectResponse(f"upload/{staged.id}", 303)
 
-    async def staged_form(self, request: Request) -> Response:
-        """Show files that were sent."""
-        return await run_in_threadpool(self.upload_page, self._lesson.uploads.find(request.path_params["number"]))
-
-    async def pick(self, request: Request) -> Response:
+    def pick(self, request: Request, given: FormData) -> Response:
         """Read uploaded cuts by the form, and save or drop them."""
-        staged = self._lesson.uploads.find(request.path_params["number"])
-        given = await request.form()
-        form = {name: text_of(given, name) for name in given}
+        staged, form = self._staged(request), {name: text_of(given, name) for name in given}
         if form.get("do") == "drop":
-            await run_in_threadpool(self._lesson.uploads.drop, staged.id)
+            self._lesson.uploads.drop(staged.id)
             return RedirectResponse("../upload", 303)
+        code = form.get("code", "")
         try:
             target = picked_length(form)
-            cuts, notes, pictures = await run_in_threadpool(staged.read, form)
+            cuts, notes, pictures = staged.read(form)
             if form.get("do") != "keep":
-                shown: dict[str, Any] = {"cuts": cuts, "notes": notes, "pictures": pictures[:_MOST_PICTURES]}
-                return await run_in_threadpool(self.upload_page, staged, form=form, **shown)
+                return self.upload_page(staged, form=form, cuts=cuts, notes=notes, pictures=pictures[:_MOST_PICTURES])
             if form.get("consent") != "yes":
                 raise ValueError(self._site.words["no_consent"])
             sound = [cut.trace for cut in cuts if not cut.flaw]
             if not sound:
                 raise ValueError(self._site.words["no_sound_cut"])
-            code = form.get("code", "")
             for trace in sound:
-                await run_in_threadpool(self._lesson.add_foreign, code, trace, target)
+                self._lesson.add_foreign(code, trace, target)
         except ValueError as error:
-            return await run_in_threadpool(self.upload_page, staged, 422, form=form, trouble=str(error))
-        await run_in_threadpool(self._lesson.uploads.drop, staged.id)
+            return self.upload_page(staged, form=form, trouble=str(error))
+        self._lesson.uploads.drop(staged.id)
         return RedirectResponse(f"../people/{code}", 303)

@@ -18,7 +18,7 @@ from sqlalchemy import Column, ForeignKey, String, Table, func, insert, select
 from sqlalchemy.exc import IntegrityError, SQLAlchemyError
 
 import cutenv
-from cutenv.people.classroom.class_store import ClassStore, HandedOutCut
+from cutenv.people.classroom.class_store import ClassStore, HandedOutCut, written
 from cutenv.people.classroom.class_tables import CLASS_METADATA, CUTS, SAVED
 from cutenv.people.classroom.lesson import Lesson
 from cutenv.people.play.course import Course, marked_numbers
@@ -50,11 +50,6 @@ class StatementQueue:
     """Saved cuts of consenting people with undelivered statements.
 
     The cuts themselves are the queue: a cut that is saved waits, whatever happens to the server then.
-
-    Parameters
-    ----------
-    store : ClassStore
-        Database of the class.
     """
 
     def __init__(self, store: ClassStore) -> None:
@@ -63,36 +58,31 @@ class StatementQueue:
 
     def agree(self, code: str) -> None:
         """Note a person's consent to statements of cuts from now on."""
-        with suppress(IntegrityError), self._store.engine.begin() as connection:  # who agreed before has done so
-            connection.execute(
-                insert(_agreed).values(code=code, since=self._store.clock().isoformat(timespec="microseconds"))
-            )
+        with suppress(IntegrityError):  # who agreed before has done so
+            self._store.run(insert(_agreed).values(code=code, since=written(self._store.clock())))
 
     def due(self, most: int) -> list[HandedOutCut]:
         """Return the first cuts that wait, in order."""
         wanted = select(CUTS.c.id, CUTS.c.code).where(_waits).order_by(CUTS.c.handed_out).limit(most)
-        with self._store.engine.begin() as connection:
-            rows = connection.execute(wanted).all()
         found = []
-        for row in rows:
+        for row in self._store.rows(wanted):
             with suppress(LookupError):  # deleted at this moment
                 found.append(self._store.cut(row.id, row.code))
         return found
 
     def waiting(self) -> int:
         """Return the number of cuts that wait."""
-        with self._store.engine.begin() as connection:
-            return int(connection.execute(select(func.count()).select_from(CUTS, _agreed).where(_waits)).scalar_one())
+        ((count,),) = self._store.rows(select(func.count()).select_from(CUTS, _agreed).where(_waits))
+        return int(count)
 
     def done(self, number: str, trouble: str = "") -> None:
         """Mark a cut's statement as delivered, or as failed with reason."""
-        with suppress(IntegrityError), self._store.engine.begin() as connection:  # another server's, or deleted by now
-            connection.execute(insert(_delivered).values(cut=number, trouble=trouble[:300]))
+        with suppress(IntegrityError):  # another server's, or deleted by now
+            self._store.run(insert(_delivered).values(cut=number, trouble=trouble[:300]))
 
     def troubles(self) -> list[str]:
         """Return why statements never arrived, one reason for each."""
-        with self._store.engine.begin() as connection:
-            return [row.trouble for row in connection.execute(select(_delivered).where(_delivered.c.trouble != ""))]
+        return [row.trouble for row in self._store.rows(select(_delivered).where(_delivered.c.trouble != ""))]
 
 
 XAPI_VERSION = "1.0.3"
@@ -107,23 +97,8 @@ _REFUSED_FOR_GOOD = (400, 413, 422)  # what another attempt would not change
 class Courier:
     """Thread that delivers statements of consenting people's saved cuts.
 
-    Parameters
-    ----------
-    lesson : Lesson
-        The class.
-    queue : StatementQueue
-        Cuts whose statements are to be delivered.
-    url : str
-        Address of the learning record store: statements go to ``url/statements``.
-    login : str
-        Its key and secret, "key:secret", for basic authentication.
-    home : str
-        Address of the class, below which its people and courses are named.
-
-    Raises
-    ------
-    ValueError
-        If the address is none, or the login has no colon.
+    Statements go to ``url/statements``; the login, "key:secret", is for basic authentication, and people and courses
+    are named below the class's address, ``home``. Raises ValueError if the address is none, or the login has no colon.
     """
 
     def __init__(self, lesson: Lesson, queue: StatementQueue, url: str, login: str, home: str) -> None:
@@ -221,11 +196,7 @@ def statement(cut: HandedOutCut, trace: Trace, card: ScoreCard, home: str, cours
         if task is None or not task.mark
         else completed and not task.misses(marked_numbers(card))
     )
-    result: dict[str, Any] = {
-        "success": success,
-        "completion": completed,
-        "duration": f"PT{trace.duration:.2f}S",
-    }
+    result: dict[str, Any] = {"success": success, "completion": completed, "duration": f"PT{trace.duration:.2f}S"}
     if card.overall_score is not None:
         points = round(min(max(card.overall_score, 0.0), 100.0), 1)
         result["score"] = {"scaled": round(points / 100.0, 3), "raw": points, "min": 0, "max": 100}

@@ -41,10 +41,7 @@ FEEDBACK = {rule: course_words("en", rule) for rule in ("always", "above-limit",
 
 
 class ShownFeedback(NamedTuple):
-    """Parts of the feedback at one moment.
-
-    The present force, its trace, and after the cut the result.
-    """
+    """Feedback shown now: present force, its trace, result after the cut."""
 
     force: bool = True
     trace: bool = True
@@ -52,17 +49,7 @@ class ShownFeedback(NamedTuple):
 
 
 def shown_feedback(rule: str, *, ended: bool, costs: bool) -> ShownFeedback:
-    """Return what a rule of :data:`FEEDBACK` shows.
-
-    Parameters
-    ----------
-    rule : str
-        The rule.
-    ended : bool
-        True after the cut.
-    costs : bool
-        True while the force is so high that it costs.
-    """
+    """Return what a rule of :data:`FEEDBACK` shows; a high force ``costs``."""
     after = ended and rule != "never"
     whole = rule == "always" or after
     return ShownFeedback(force=whole or (rule == "above-limit" and costs), trace=whole, result=after or not ended)
@@ -79,10 +66,7 @@ _MOST_SEED = 2**31 - 1
 
 @dataclass(frozen=True, kw_only=True)
 class MarkedMetric:
-    """Metric that a mark may limit.
-
-    Its name, the unit of the limit, and whether more is better.
-    """
+    """Metric that a mark may limit: name, unit of the limit, sense."""
 
     name: str
     unit: Unit
@@ -112,52 +96,22 @@ def marked_numbers(card: ScoreCard) -> dict[str, float]:
 
 @dataclass(frozen=True, kw_only=True)
 class CourseTask:
-    """One task of a course.
-
-    Attributes
-    ----------
-    name : str
-        Name, which no other task of the course has.
-    specimen_class : str
-        "uniform", "liver", "vascular" or "mixed".
-    task : str
-        Name of the task, of :data:`cutenv.task.registry.TASKS`.
-    line : str
-        Kind of line of a task along one: "straight", "arc", "s", "excision", "random", or "mixed", any of these.
-    feedback : str
-        One of :data:`FEEDBACK`.
-    repetitions : int
-        Number of cuts in a row that reach the mark; without a mark, number of finished cuts.
-    mark : mapping of str to float
-        Limits by key of :data:`MARKED_METRICS`, in the unit of the key; empty if every finished cut counts.
-    seeds : tuple of int
-        Seeds of the specimens, one after the other and then from the first again; () if each cut draws a new one.
-    target_length : float or None
-        Length of the cuts [m]; None if it is drawn from 0.060 to 0.100.
-    crossover : bool
-        True for the two tasks that exchange their feedback for operators with an even number.
-    attempts : int or None
-        Most cuts that count; after them the task is over, reached or not.  None for as many as it takes.
-    expert : str
-        Whose way a replay and a demonstration show, too: one of the :func:`~cutenv.agents.policy.experts`.
-    opens, closes : datetime or None
-        Moments from which, and up to which, cuts are handed out; on the clock of the machine if they name no zone.
-    """
+    """One task of a course."""
 
     name: str
-    specimen_class: str
+    specimen_class: str  # "uniform", "liver", "vascular" or "mixed"
     task: str = "gentle"
-    line: str = "mixed"
-    feedback: str = "always"
-    repetitions: int = 1
-    mark: Mapping[str, float] = field(default_factory=dict)
-    seeds: tuple[int, ...] = ()
-    target_length: float | None = None
-    crossover: bool = False
-    attempts: int | None = None
-    expert: str = ORACLE
-    opens: datetime | None = None
-    closes: datetime | None = None
+    line: str = "mixed"  # "straight", "arc", "s", "excision", "random", or "mixed", any of these
+    feedback: str = "always"  # one of FEEDBACK
+    repetitions: int = 1  # cuts in a row that reach the mark; without one, finished cuts
+    mark: Mapping[str, float] = field(default_factory=dict)  # limits in the unit of the key, of MARKED_METRICS
+    seeds: tuple[int, ...] = ()  # of the specimens, in turn; () if each cut draws a new one
+    target_length: float | None = None  # [m]; None: drawn from 0.060 to 0.100
+    crossover: bool = False  # the two tasks exchange their feedback for operators with an even number
+    attempts: int | None = None  # after them the task is over, reached or not
+    expert: str = ORACLE  # whose way a replay and a demonstration show
+    opens: datetime | None = None  # cuts are handed out from then on, on the machine's clock if without zone
+    closes: datetime | None = None  # and up to then
 
     @property
     def of_line(self) -> dict[str, Any]:
@@ -179,25 +133,13 @@ class CourseTask:
 
 @dataclass(frozen=True, kw_only=True)
 class Course:
-    """Course of several tasks in order.
-
-    Attributes
-    ----------
-    name, about : str
-        Name and explanation.
-    tasks : tuple of CourseTask
-        Tasks in order.
-    demonstration : bool
-        True if a cut is shown in the browser before a person's first one.
-    warm_up : int
-        Number of cuts before the first task that count for nothing.
-    """
+    """Course of several tasks in order."""
 
     name: str
     about: str
     tasks: tuple[CourseTask, ...]
-    demonstration: bool = False
-    warm_up: int = 0
+    demonstration: bool = False  # a cut is shown in the browser before a person's first one
+    warm_up: int = 0  # cuts before the first task that count for nothing
 
     @property
     def warm_up_task(self) -> CourseTask:
@@ -220,12 +162,8 @@ class Course:
     def for_operator(self, operator: str) -> Course:
         """Return a person's course, a crossover's feedback swapped for even numbers.
 
-        The number is the first one in the code, so that codes counted from 1 on are divided into equal halves.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If the code may identify a person.
+        The number is the first one in the code, so that codes counted from 1 on are divided into equal halves. Raises
+        TypeError or ValueError if the code may identify a person.
         """
         check_operator(operator)
         digits = re.search(r"\d+", operator)
@@ -239,13 +177,7 @@ class Course:
 
 
 def named_course(given: str) -> Course:
-    """Read a course by file path, or by packaged name.
-
-    Raises
-    ------
-    ValueError
-        If it is neither, or the file is no course, see :func:`read_course`.
-    """
+    """Read a course by file path or packaged name; ValueError if none."""
     if given in SHIPPED_COURSES:
         return read_course(SHIPPED_COURSES[given])
     if not Path(given).is_file():
@@ -257,13 +189,8 @@ def named_course(given: str) -> Course:
 def read_course(path: Path) -> Course:
     """Read the file of a course.
 
-    Raises
-    ------
-    ValueError
-        If it is not TOML, or a key is unknown, missing, of a wrong type or out of range; names file, task, key, value
-        and cure.
-    FileNotFoundError
-        If there is no such file.
+    Raises ValueError if it is no TOML, or a key is unknown, missing, of a wrong type or out of range; it names file,
+    task, key, value and cure.
     """
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -278,13 +205,7 @@ def read_course(path: Path) -> Course:
 
 
 def course_of(content: Mapping[str, Any]) -> Course:
-    """Return the course of a file's content, by key.
-
-    Raises
-    ------
-    TypeError, ValueError
-        As :func:`read_course`, without the file's name.
-    """
+    """Return the course of a file's content; errors as of :func:`read_course`."""
     _known_keys(content, ("name", "about", "demonstration", "warm_up", "task"))
     given = content.get("task")
     if not isinstance(given, list) or not given or not all(isinstance(each, dict) for each in given):

@@ -1,7 +1,4 @@
-"""Progress of one person through a course.
-
-Counted from the cuts that were made, and never kept beside them.
-"""
+"""Progress of a person through a course, counted from the cuts made."""
 
 from __future__ import annotations
 
@@ -23,10 +20,7 @@ GIVEN_UP = "given up"
 
 
 class CourseSpecimen(NamedTuple):
-    """Specimen of the next cut.
-
-    Class, seed, and target length [m], None if it is drawn.
-    """
+    """Class, seed, and target length [m] or None, of the next cut."""
 
     specimen_class: str
     seed: int
@@ -36,26 +30,10 @@ class CourseSpecimen(NamedTuple):
 class CourseProgress:
     """Progress of one person through a course.
 
-    It says which task is next, and whether marks were reached.
-
-    Parameters
-    ----------
-    course : Course
-        The course.
-    operator : str
-        Anonymous code of the person.
-    folder : Path, optional
-        Folder of the records, in which the person's cuts of this course are looked for; they are scored again, by the
-        marks that stand in the course now. Without one, the cuts so far are those that :meth:`count` is told.
-    clock : callable
-        Returns the present time, with its zone.
-
-    Attributes
-    ----------
-    unread : list of str
-        Files in the folder that cannot be read, with the reasons; they do not count.
-    verdicts : dict of str to str
-        What the last cut of this session reached, in words of each language; empty before the first.
+    It says which task is next, and whether marks were reached. The person's cuts of this course are looked for in the
+    folder of records, and scored again, by the marks that stand in the course now; without one, the cuts so far are
+    those that :meth:`count` is told. Files that cannot be read stand in ``unread`` with the reasons, and do not count;
+    ``verdicts`` say what the last cut of this session reached, in words of each language.
     """
 
     def __init__(
@@ -112,12 +90,7 @@ class CourseProgress:
     def specimen(self) -> CourseSpecimen:
         """Return the specimen of the next cut.
 
-        A task without seeds draws one at every call.
-
-        Raises
-        ------
-        ValueError
-            If the course is done.
+        A task without seeds draws one at every call. Raises ValueError if the course is done.
         """
         task = self.task
         if task is None:
@@ -125,23 +98,14 @@ class CourseProgress:
         seed = task.seeds[self._begun[task.name] % len(task.seeds)] if task.seeds else secrets.randbelow(2**31)
         return CourseSpecimen(task.specimen_class, seed, task.target_length)
 
-    def metadata(self) -> dict[str, Any]:
-        """Return record metadata of the next cut that restores the progress."""
-        task = self.task
-        assert task is not None  # no cut is made after the last task
-        return self.facts(task)
-
     def facts(self, task: CourseTask) -> dict[str, Any]:
-        """Return what the record of a task's cut has to note."""
+        """Return what the record of a task's cut has to note, which restores the progress."""
         facts: dict[str, Any] = {"course": self.course.name, "task": task.name, "feedback": task.feedback}
         facts |= {"practice": True} if task.name == WARM_UP else {}
         return facts | ({"crossover": True} if task.crossover else {})
 
     def add(self, card: ScoreCard, end: str, task: CourseTask | None = None) -> None:
-        """Count a cut of a task, and set :attr:`verdicts`.
-
-        The task is the present one by default.
-        """
+        """Count a cut of a task, by default the present; set :attr:`verdicts`."""
         task = self.task if task is None else task
         assert task is not None
         numbers = marked_numbers(card)
@@ -209,7 +173,6 @@ class CourseProgress:
         return _longest_end(counted) if task.mark else sum(counted)
 
     def _is_over(self, task: CourseTask) -> bool:
-        """Return whether a task is done, out of attempts, or closed."""
         used = task.attempts is not None and len(self._counted[task.name]) >= task.attempts
         return used or (task.closes is not None and self._clock() >= task.closes) or self._is_done(task)
 

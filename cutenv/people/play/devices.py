@@ -37,12 +37,8 @@ STICK_DEAD_ZONE = 0.12
 """Share of a stick's travel around its middle that is ignored."""
 
 
-def _within_travel(position: float) -> float:
-    return min(max(position, 0.0), TRAVEL)
-
-
-def _within_width(across: float) -> float:
-    return min(max(across, -0.5 * WIDTH), 0.5 * WIDTH)
+def _within_slab(position: float, across: float) -> tuple[float, float]:
+    return min(max(position, 0.0), TRAVEL), min(max(across, -0.5 * WIDTH), 0.5 * WIDTH)
 
 
 def within_angles(angle: float) -> float:
@@ -68,20 +64,10 @@ def _pressed(held: bool) -> frozenset[str]:
 class LedHand:
     """Hand that a pointer or a stick leads from the clamp.
 
-    Nothing pushes it, so a force is only seen.
-
-    Attributes
-    ----------
-    position, across : float
-        Wanted place along the slab, and across it to the left [m].
-    angle : float
-        Wanted angle of the blade [rad].
-    level : float
-        Wanted level of the blade above that at the start [m].
-    velocity : tuple of float
-        Speed along and across with which the place moves on by itself [m/s], while a stick or a key is held.
-    held : bool
-        True while the button is held that takes the blade from an agent.
+    Nothing pushes it, so a force is only seen. Position and across are the wanted place along the slab, and across it
+    to the left, level that of the blade above the start [m], angle the blade's [rad]. While a stick or a key is held,
+    the place moves on by itself with a velocity along and across [m/s]; while the button is ``held``, the blade is
+    taken from an agent.
     """
 
     coupling = None
@@ -96,22 +82,22 @@ class LedHand:
 
     def move(self, distance: float, across: float = 0.0) -> None:
         """Move the place by ``distance`` and ``across`` [m], within reach."""
-        self.position = _within_travel(self.position + in_range("distance", distance, -10.0, 10.0, "m"))
-        self.across = _within_width(self.across + in_range("across", across, -10.0, 10.0, "m"))
+        in_range("distance", distance, -10.0, 10.0, "m")
+        in_range("across", across, -10.0, 10.0, "m")
+        self.position, self.across = _within_slab(self.position + distance, self.across + across)
 
     def keep_near(self, hand: float, across: float = 0.0) -> None:
         """Limit the lead over this place to :data:`LEAD`."""
         ahead, aside = self.position - hand, self.across - across
         distance = math.hypot(ahead, aside)
         if distance > LEAD:
-            self.position = _within_travel(hand + LEAD * (ahead / distance))
-            self.across = _within_width(across + LEAD * (aside / distance))
+            ahead, aside = LEAD * (ahead / distance), LEAD * (aside / distance)
+            self.position, self.across = _within_slab(hand + ahead, across + aside)
 
     def read(self) -> Stylus:
         """Advance a millisecond; return place [m], angle [rad] and level [m]."""
         along, across = self.velocity
-        self.position = _within_travel(self.position + along * TICK)
-        self.across = _within_width(self.across + across * TICK)
+        self.position, self.across = _within_slab(self.position + along * TICK, self.across + across * TICK)
         return Stylus(self.position, self.angle, _pressed(self.held), self.level, self.across)
 
     def push(self, force: float) -> None:
@@ -164,16 +150,8 @@ class GamepadDevice(LedHand):
     def hold(self, stick: float, trigger: float, second: float = 0.0, sideways: float = 0.0) -> None:
         """Set sticks and trigger from now on.
 
-        Parameters
-        ----------
-        stick : float
-            Position of the stick, -1 (back) to 1 (forward).
-        trigger : float
-            Position of the trigger, 0 (released, upright) to 1 (pulled, 45 degrees).
-        second : float
-            Position of the second stick, -1 (away from the person: raise) to 1 (toward them: lower).
-        sideways : float
-            Position of the stick across the cut, -1 (away from the person: to the left) to 1 (toward them).
+        Sticks are from -1 (back; second: away from the person, raise; sideways: away, to the left) to 1, the trigger
+        from 0 (released, upright) to 1 (pulled, 45 degrees).
         """
         along, across = _beyond_slack("stick", stick), -_beyond_slack("sideways", sideways)
         # The size of the deflection leaves room for slow cuts near the middle.
@@ -189,10 +167,7 @@ class GamepadDevice(LedHand):
 
 
 class HandMotion(NamedTuple):
-    """Motion that a script demands.
-
-    Hand [m], angle [rad] and level [m] of the blade, place across [m], button held.
-    """
+    """Hand [m], angle [rad], level and place across [m], button held."""
 
     position: float
     angle: float
@@ -204,12 +179,7 @@ class HandMotion(NamedTuple):
 class ScriptedDevice:
     """Hand that follows a script, for tests and demonstrations.
 
-    Every read is a millisecond later.
-
-    Parameters
-    ----------
-    script : callable
-        Maps the time since the cut began [s] to a :class:`HandMotion`.
+    Every read is a millisecond later. The script maps the time since the cut began [s] to a :class:`HandMotion`.
     """
 
     coupling = None
@@ -227,7 +197,7 @@ class ScriptedDevice:
         """Return the script's hand and blade for this millisecond."""
         wanted = self._script(self._reads * TICK)
         self._reads += 1
-        place, across = _within_travel(wanted.position), _within_width(wanted.across)
+        place, across = _within_slab(wanted.position, wanted.across)
         return Stylus(place, within_angles(wanted.angle), _pressed(wanted.held), wanted.level, across)
 
     def push(self, force: float) -> None:
@@ -248,19 +218,9 @@ def simple_hand(
 ) -> ScriptedDevice:
     """Return a beginner's scripted hand: forward, upright, back.
 
-    Parameters
-    ----------
-    target : float
-        Target position of the tip, from the clamp [m].
-    speed : float
-        Forward speed [m/s].
-    lead : float
-        Distance by which the hand goes beyond the target, because the force holds blade and tip behind it [m].
-    level : callable
-        Level of the blade above that at the start [m], by a place [m]; it is led by that of the tip, which is
-        :data:`BEHIND` the hand.
-    line : CutLine, optional
-        Line along which the hand goes; by default straight on.
+    It goes beyond the target [m] by ``lead`` [m], because the force holds blade and tip behind it, at a speed [m/s].
+    The level of the blade above that at the start [m] is led by the place of the tip, which is :data:`BEHIND` the hand.
+    Without a line it goes straight on.
     """
     in_range("target", target, 0.005, TRAVEL, "m", "Lengths are in metres: 80 mm is 0.08.")
     in_range("speed", speed, 1e-4, FASTEST, "m/s", "Speeds are in m/s: 1.27 cm/s is 0.0127.")
@@ -288,12 +248,8 @@ def watching_hand(
 ) -> ScriptedDevice:
     """Return a scripted hand that slows and returns by the tip.
 
-    Parameters
-    ----------
-    tip : callable
-        Returns the place of the crack tip now, along the cut from the clamp [m].
-    target, level, line
-        As of :func:`simple_hand`.
+    ``tip`` returns the place of the crack tip now, along the cut from the clamp [m]; the rest is as of
+    :func:`simple_hand`.
     """
     in_range("target", target, 0.005, TRAVEL, "m", "Lengths are in metres: 80 mm is 0.08.")
     place, farthest = 0.0, math.inf
@@ -316,7 +272,6 @@ def watching_hand(
 
 
 def _at(line: CutLine | None, position: float, angle: float, level: float) -> HandMotion:
-    """Return the motion at a length of a line [m]."""
     if line is None:
         return HandMotion(position, angle, level)
     i, share = grid_index(position)

@@ -29,13 +29,7 @@ class ForceDimensionLink:
         self._dhd: Any = None
 
     def open(self) -> None:
-        """Open the device and switch its force on.
-
-        Raises
-        ------
-        OSError
-            If package, library or device is missing; the message says which, and the cure.
-        """
+        """Open the device and its force; OSError says what is missing."""
         try:
             from forcedimension_core import dhd
         except ModuleNotFoundError as error:

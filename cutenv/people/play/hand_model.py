@@ -1,7 +1,4 @@
-"""Hand of a person who plays.
-
-Its wanted position becomes the speed command of the simulator's hand.
-"""
+"""Hand of a person: wanted position to speed command."""
 
 from __future__ import annotations
 
@@ -29,16 +26,7 @@ def speed_toward(target: float, state: Struct, hand: Hand = PLAYED_HAND) -> floa
     """Return the speed command [m/s] toward ``target`` [m] without overshoot.
 
     A position is followed through a speed with a lag T, for which the gain 1/(4 T) is critically damped; farther away,
-    the hand's acceleration must be able to stop it: v^2 = 2 a d.
-
-    Parameters
-    ----------
-    target : float
-        Wanted position of the hand, from the clamp [m].
-    state : Record
-        One :data:`~cutenv.sim.cutting.dtypes.STATE`; its ``hand`` is the present position.
-    hand : Hand
-        Hand with its lag and acceleration.
+    the hand's acceleration must be able to stop it: v^2 = 2 a d. The present position is that of ``state``.
     """
     return speed_over(target - float(state["hand"]), hand.motor_lag, hand.acceleration)
 

@@ -34,17 +34,7 @@ class HandlePose(NamedTuple):
 class Handle:
     """Rigid handle in a groove along the line, held by a hand.
 
-    Parameters
-    ----------
-    hand : Hand
-        Mass, stiffness and damping of the coupling.
-    angle : float
-        Angle at the start [rad].
-
-    Raises
-    ------
-    ModuleNotFoundError
-        If pymunk is not installed.
+    The hand gives mass, stiffness and damping of the coupling; the angle is that at the start [rad].
     """
 
     def __init__(self, hand: Hand = PLAYED_HAND, *, angle: float = math.pi / 2) -> None:
@@ -74,16 +64,8 @@ class Handle:
     def step(self, *, hand: float, hand_speed: float, angle: float, force: float, depth: float) -> None:
         """Advance by a millisecond.
 
-        Parameters
-        ----------
-        hand, hand_speed : float
-            Position [m] and speed [m/s] of the hand.
-        angle : float
-            Demanded angle [rad].
-        force : float
-            Force of the tissue on the blade, against forward motion [N]; it acts at half the depth.
-        depth : float
-            Depth of the cut at the blade [m].
+        The hand has position [m] and speed [m/s], and demands an angle [rad]. The force of the tissue on the blade,
+        against forward motion [N], acts at half the depth of the cut [m].
         """
         # Pymunk moves first and computes forces then: set the hand to its position before this millisecond.
         self._hand.position = (hand - hand_speed * TICK, 0.0)

@@ -178,13 +178,7 @@ class VirtualCoupling:
         gain = (1.0 - left) / b  # speed for a force of 1
         K, B = self.stiffness, self.damping / T
         # Position, speed, and the position before, because the damper takes differences of positions.
-        step = np.array(
-            [
-                [1.0 - fall * (K + B), slide, fall * B],
-                [-gain * (K + B), left, gain * B],
-                [1.0, 0.0, 0.0],
-            ]
-        )
+        step = np.array([[1.0 - fall * (K + B), slide, fall * B], [-gain * (K + B), left, gain * B], [1.0, 0.0, 0.0]])
         return float(np.abs(np.linalg.eigvals(step)).max())
 
     def felt(self) -> FeltForce:
@@ -201,10 +195,7 @@ class HandEnergy:
 
         E + F d + (b/T) d^2 >= 0 for every d        if and only if        |F| <= 2 sqrt(b E/T).
 
-    Parameters
-    ----------
-    coupling : VirtualCoupling
-        Coupling with the device's damping b, and T.
+    b is the device's damping.
     """
 
     def __init__(self, coupling: VirtualCoupling) -> None:
@@ -237,11 +228,6 @@ class FeltForce:
 
     For a spring within the bound, below its largest force, and a blade at rest, the limit never acts. The account holds
     no more than such a spring at that force: work that went into the tissue is not saved.
-
-    Parameters
-    ----------
-    coupling : VirtualCoupling
-        Coupling with its values.
     """
 
     def __init__(self, coupling: VirtualCoupling) -> None:
@@ -268,15 +254,8 @@ class FeltForce:
     def update(self, position: float, blade: float) -> float:
         """Return the force to hold for the next period [N].
 
-        Parameters
-        ----------
-        position, blade : float
-            Positions of device and blade, from the clamp [m]; -1 to 1.
-
-        Raises
-        ------
-        ValueError
-            If a position is not finite, or out of a desktop's range.
+        Both positions are from the clamp [m], -1 to 1. Raises ValueError if a position is not finite, or out of a
+        desktop's range.
         """
         for name, place in (("position", position), ("blade", blade)):
             if not -1.0 <= place <= 1.0:

@@ -30,15 +30,7 @@ _LONGEST = 1 << 20  # bytes of a message
 
 
 class Inverse3Link:
-    """Link to one Inverse3, for :class:`cutenv.people.play.polled_handle.PolledHandle`.
-
-    Parameters
-    ----------
-    url : str
-        Address of the service.
-    device_id : str, optional
-        Id of the device; the first by default.
-    """
+    """Link to one Inverse3, the first unless an id is given."""
 
     def __init__(self, url: str = INVERSE3_URL, *, device_id: str | None = None) -> None:
         self._url, self._wanted_id = url, device_id
@@ -48,15 +40,7 @@ class Inverse3Link:
         self._first = self._pending = 0
 
     def open(self) -> None:
-        """Connect to the service and choose the device.
-
-        Raises
-        ------
-        OSError
-            If there is no service, no such device, or it is without power or not ready.
-        ModuleNotFoundError
-            If websockets is not installed.
-        """
+        """Connect to the service and choose the device; OSError without a ready one."""
         client = optional_import("websockets.sync.client", "websockets", "A Haply Inverse3", extra="play")
         try:
             self._socket = self._stack.enter_context(
@@ -108,13 +92,7 @@ class Inverse3Link:
 
 
 def inverse3_sample(text: str | bytes, device_id: str) -> HandleSample:
-    """Return the sample in a state message of the service.
-
-    Raises
-    ------
-    ValueError
-        If it is no such message, lacks the device, or the position is none of a desktop device.
-    """
+    """Return the sample in a state message; ValueError if it holds none."""
     message = _message(text)
     state = _device(message, device_id).get("state")
     position = state.get("cursor_position") if isinstance(state, dict) else None

@@ -35,21 +35,14 @@ _PRESSED = (0.5, 0.8)  # [s] after the connection between which the grip's butto
 class EmulatedHandle:
     """Handle on one axis, led by the hand's spring and damper.
 
-    Parameters
-    ----------
-    target : callable
-        Place at which the hand aims [m] by the time since the connection [s].
-    mass, damping : float
-        Handle's own [kg], [N s/m]; assumed.
-    hand_stiffness, hand_damping : float
-        Those of the hand [N/m], [N s/m].
+    The hand aims at a place [m] by the time since the connection [s]; mass [kg] and damping [N s/m] are assumed.
     """
 
     target: Callable[[float], float]
-    mass: float = 0.3
-    damping: float = 0.5
-    hand_stiffness: float = 400.0
-    hand_damping: float = 8.0
+    mass: float = 0.3  # [kg]
+    damping: float = 0.5  # [N s/m]
+    hand_stiffness: float = 400.0  # [N/m]
+    hand_damping: float = 8.0  # [N s/m]
     position: float = 0.0
     speed: float = 0.0
     time: float = 0.0
@@ -86,7 +79,6 @@ def state_message(handle: EmulatedHandle, device_id: str, *, inventory: bool, mo
 
 
 def _serve(socket: Any, arguments: argparse.Namespace) -> None:
-    """Talk to one client until it leaves."""
     script = simple_hand(arguments.target_mm * 1e-3)._script
     handle = EmulatedHandle(lambda now: script(max(now - arguments.wait, 0.0)).position)
     start, modern, key = time.monotonic(), arguments.service >= 3.5, "vector" if arguments.service >= 3.5 else "values"

@@ -1,7 +1,4 @@
-"""Devices of the command line by name.
-
-The emulated one is in a process of its own.
-"""
+"""Devices of the command line by name."""
 
 from __future__ import annotations
 
@@ -28,27 +25,9 @@ def named_device(
 ) -> Iterator[HapticDevice]:
     """Make a device for the time of the block.
 
-    An emulated one ends with it.
-
-    Parameters
-    ----------
-    name : str
-        One of :data:`DEVICES`.
-    target : float
-        Place [m] at which the hand of an emulated device aims.
-    url : str
-        Address of the Inverse Service.
-    axes : HandleAxes, optional
-        Which of a handle's axes is which.
-    shares : bool
-        True for a hand of an emulated device that takes the blade from an agent for 2 s.
-
-    Raises
-    ------
-    ValueError
-        If there is no such device.
-    OSError
-        If the emulator does not start.
+    An emulated one ends with it. The hand of an emulated device aims at ``target`` [m], and takes the blade from an
+    agent for 2 s if it ``shares``. Raises ValueError if there is no such device. Raises OSError if the emulator does
+    not start.
     """
     one_of("--device", name, DEVICES)
     if name == "mouse":
@@ -69,16 +48,9 @@ def emulated_inverse3(*options: str, target: float = 0.08) -> Iterator[str]:
 
     ``options`` are those of ``python -m cutenv.people.play.inverse3_emulator``.
     """
-    command = [
-        sys.executable,
-        "-m",
-        "cutenv.people.play.inverse3_emulator",
-        "--port",
-        "0",
-        "--target-mm",
-        str(1e3 * target),
-    ]
-    process = subprocess.Popen([*command, *options], stdout=subprocess.PIPE, text=True)
+    program = [sys.executable, "-m", "cutenv.people.play.inverse3_emulator", "--port=0"]
+    command = [*program, f"--target-mm={1e3 * target}", *options]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     try:
         address = process.stdout.readline().strip()

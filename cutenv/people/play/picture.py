@@ -20,7 +20,7 @@ from cutenv.display.viewer.palette import Colour
 from cutenv.display.viewer.scene import ForceTrace, Layout, Moment
 from cutenv.display.viewer.views import draw_rows
 from cutenv.people.play.course_progress import GIVEN_UP
-from cutenv.people.play.view_state import ViewState
+from cutenv.people.play.play_session import ViewState
 from cutenv.records.scoring import ScoreCard
 from cutenv.records.scoring.score_card import DISCLAIMER
 from cutenv.sim.tissue.grid import depth_below
@@ -165,7 +165,6 @@ def _draw_header(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
 
 
 def _draw_title(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
-    """Draw what is cut, and by whom."""
     title = sight.specimen_class if sight.task else f"{sight.specimen_class}, number {sight.number + 1}"
     if sight.count is not None:
         title += f"; {sight.finished} of {sight.count} cut"
@@ -246,7 +245,6 @@ def _draw_numbers(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
 
 
 def _draw_missing(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
-    """Draw what is missing to finish below the top view."""
     for k, words in enumerate(reversed(sight.missing)):
         line = f"to finish: {words}" if k == len(sight.missing) - 1 else words
         at = layout.column - 24, _SIDE_TOP - 22 - 24 * k
@@ -317,7 +315,6 @@ def _panel(canvas: Canvas, layout: Layout, bottom: float) -> None:
 
 
 def _draw_ready_card(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
-    """Draw the instructions, and the choices for the next cut."""
     _panel(canvas, layout, 416.0 + 24.0 * bool(sight.task))
     x, target = _LEFT + _EDGE, sight.moment.target * 1e3
     canvas.text(f"Cut {target:.0f} mm, gently", (x, _TOP + 40), size=36)
@@ -358,7 +355,6 @@ def _draw_ready_card(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
 
 
 def _draw_countdown(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
-    """Draw the countdown."""
     middle = layout.along(0.075), layout.cut_line
     canvas.disc(np.array(middle), 70.0, palette.PAPER)
     canvas.text(f"{max(math.ceil(sight.countdown), 1)}", middle, size=130, colour=palette.TARGET, anchor="center")
@@ -367,7 +363,6 @@ def _draw_countdown(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
 
 
 def _draw_end_card(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
-    """Draw the end card: score, numbers, faults and advice."""
     card, moment = sight.card, sight.moment
     verdict = [line for words in sight.verdict for line in textwrap.wrap(words, 92)]
     faults = fault_lines(card, _MOST_FAULTS - bool(verdict)) if sight.shown.result else []

@@ -13,27 +13,28 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 import cutenv
+from cutenv._base.arrays import Array, StructArray
 from cutenv._base.validation import in_range, one_of
 from cutenv.display.viewer.scene import Moment
 from cutenv.envs.tissue_source import TissueSource
-from cutenv.people.play.course import FEEDBACK, shown_feedback
+from cutenv.people.play.course import FEEDBACK, CourseTask, ShownFeedback, shown_feedback
 from cutenv.people.play.course_progress import GIVEN_UP, CourseProgress
 from cutenv.people.play.devices import LedHand
 from cutenv.people.play.hand_model import PLAYED_HAND
-from cutenv.people.play.handle_body import Handle
+from cutenv.people.play.handle_body import Handle, HandlePose
 from cutenv.people.play.haptics import FeltForce, HapticDevice, Stylus
 from cutenv.people.play.played_cut import FEWEST_READINGS, UPDATES_HZ, PlayedCut
 from cutenv.people.play.shared_cut import SharedCut, SharingAgent
-from cutenv.people.play.view_state import PlayPhase, ViewState
 from cutenv.records import Provenance, save
 from cutenv.records.appending import CutListener
 from cutenv.records.scoring import ScoreCard
 from cutenv.sim.cutting.dtypes import TICK
+from cutenv.sim.tissue import CutModel
 from cutenv.sim.tissue.grid import depth_below
 from cutenv.sim.tissue.specimen import CLASSES
 from cutenv.task.registry import TASKS, tasks_with
@@ -120,6 +121,46 @@ class SessionPlan:
         return {name: value for name in ("line", "agent") if (value := getattr(self, name)) is not None}
 
 
+PlayPhase = Literal["ready", "countdown", "cutting", "ended"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewState:
+    """State of a session to be drawn; nothing in it changes."""
+
+    phase: PlayPhase
+    countdown: float
+    moment: Moment
+    readings: StructArray
+    hand: float
+    hand_place: tuple[float, float]
+    """Along and across the slab, to the left [m]."""
+    lateral_force: Array
+    """Force on the blade to its right at every reading [N]; of shape (0,) where it is not steered."""
+    pose: HandlePose | None
+    missing: tuple[str, ...]
+    practice: bool
+    practised: bool
+    truth: dict[str, Any]
+    specimen_class: str
+    chosen_class: str
+    serial: int
+    model: CutModel
+    number: int
+    finished: int
+    count: int | None
+    card: ScoreCard | None
+    saved: Path | None
+    operator: str | None
+    shown: ShownFeedback
+    feedback_words: str
+    task: str
+    verdict: tuple[str, ...]
+    leader: str
+    """Words that say who leads a shared cut; empty where only a person cuts."""
+    done: bool
+
+
 class Session:
     """Session of cuts one after the other, each recorded.
 
@@ -192,6 +233,7 @@ class Session:
         """Record of that cut, if there is a folder."""
         self._felt: FeltForce | None = None
         self._task, self._feedback = "", "always"
+        self._given: CourseTask | None = None  # by the course
         # Compile now, on cuts that are discarded, rather than while the clock of the first one runs.
         for kind in kinds:
             _kind_of_cut(kind)(tissue=self._tissue, **self._of_task).tick(Stylus(0.0, float(np.pi / 2)))
@@ -335,9 +377,10 @@ class Session:
         if self.course is not None:
             self.course.verdicts = {}
             self.chosen_class, self.seed, self._target_length = self.course.specimen()
-            self._task, self._feedback = self.course.ahead(), self.course.metadata()["feedback"]
-            assert self.course.task is not None  # else there is no specimen
-            self.task, self._of_task = self.course.task.task, self.course.task.of_line
+            task = self._given = self.course.task
+            assert task is not None  # else there is no specimen
+            self._task, self._feedback = self.course.ahead(), task.feedback
+            self.task, self._of_task = task.task, task.of_line
         self.cut = _kind_of_cut(self.task)(
             specimen_class=specimen_class or self.chosen_class,
             seed=self.seed,
@@ -370,7 +413,6 @@ class Session:
             self._finish(GIVEN_UP)
 
     def _finish(self, end: str) -> None:
-        """Release the device, then record and score the cut."""
         self.phase = "ended"
         if self._felt is not None:
             self.device.push(0.0)
@@ -382,7 +424,7 @@ class Session:
             date=self._date.isoformat(timespec="seconds"),
         )
         name = f"{self._date:%Y%m%dT%H%M%S}_{self.cut.specimen_class}_{self.seed}-{self.number}_{self._attempts}"
-        noted = {} if self.course is None else self.course.metadata()
+        noted = {} if self.course is None or self._given is None else self.course.facts(self._given)
         practice = self._practised or noted.pop("practice", False)
         trace = self.cut.trace(
             **origin.metadata,
@@ -406,7 +448,7 @@ class Session:
             self.records.append(self.saved)
         self.card = self.cut.card(trace)
         if self.course is not None:
-            self.course.add(self.card, end)
+            self.course.add(self.card, end, self._given)
 
     def _verdict(self) -> tuple[str, ...]:
         """Return what the end card says beside the score."""
@@ -460,19 +502,7 @@ def _unused(folder: Path, name: str) -> Path:
 
 
 class ListenedSession:
-    """Follower of a session.
-
-    Call it after every advance, with what is new passed on to a listener.
-
-    Parameters
-    ----------
-    session : Session
-        Session of cuts.
-    listener : CutListener
-        Listener to them.
-    clock : callable
-        Clock in seconds, that of the listener's stamps.
-    """
+    """Follower of a session, called after every advance, by the listener's clock [s]."""
 
     def __init__(self, session: Session, listener: CutListener, clock: Callable[[], float] = time.monotonic) -> None:
         self._session, self._listener, self._clock = session, listener, clock
@@ -508,25 +538,9 @@ class Servo:
 
     Python's timing is not guaranteed: another thread may delay it by some 5 ms. ``VirtualCoupling(period=0.005)``
     allows for that; the session makes up for the missed milliseconds. After a delay beyond the coupling's period the
-    force begins anew from zero.
-
-    Parameters
-    ----------
-    session : Session
-        Session, to be used under ``lock`` only from now on.
-    clock : callable
-        Clock in seconds.
-
-    Attributes
-    ----------
-    lock : threading.Lock
-        Lock that is held while the session advances.
-    longest : float
-        Longest time between two advances so far [s]; the coupling's period must cover it.
-    late : int
-        Number of advances later than the coupling's period, after which the force began anew.
-    error : Exception or None
-        Error that ended the thread early; :meth:`stop` raises it.
+    force begins anew from zero. The session is to be used under ``lock`` only from now on. ``longest`` is the longest
+    time between two advances so far [s], which the coupling's period must cover, and ``late`` the number of those
+    beyond it; :meth:`stop` raises the ``error`` that ended the thread early.
     """
 
     def __init__(self, session: Session, clock: Callable[[], float] = time.perf_counter) -> None:

@@ -1,7 +1,4 @@
-"""Window in which a person cuts.
-
-Keys, pointers and gamepad in, pictures out, physics by the clock in between.
-"""
+"""Window in which a person cuts, by keys, pointers and gamepad."""
 
 from __future__ import annotations
 
@@ -27,24 +24,10 @@ _NOTCH_HEIGHT = 12.0  # [px] that a finger moves up or down to turn the blade by
 class PlayWindow:
     """Window of a session.
 
-    Parameters
-    ----------
-    session : Session
-        Session; if its device is a :class:`MouseDevice`, mouse and gamepad replace it when they begin a cut. Any other
-        device stays.
-    scripted : bool
-        True to let a scripted hand cut instead of a person, by its own clock: a sixtieth of a second for each picture,
-        however long that takes; where no display shows them, none is drawn, and it cuts as fast as it can.
-    ends : bool
-        True to close the window when all cuts are done and the last card could be read, without a key; always so for a
-        scripted hand.
-    clock : callable
-        Clock in seconds.
-
-    Raises
-    ------
-    ImportError
-        If pygame is not installed.
+    If the session's device is a :class:`MouseDevice`, mouse and gamepad replace it when they begin a cut. A scripted
+    hand cuts in place of a person by its own clock, a sixtieth of a second for each picture, however long that takes;
+    where no display shows them, none is drawn, and it cuts as fast as it can. The window closes by itself when all cuts
+    are done and the last card could be read, if it ``ends`` or is scripted.
     """
 
     def __init__(
@@ -100,7 +83,6 @@ class PlayWindow:
                 self._window.close()
 
     def _card_was_shown(self) -> bool:
-        """Return whether an end card was shown long enough."""
         return self.session.phase == "ended" and self._pictures_of_card >= self._card_pictures
 
     def show_next(self) -> None:
@@ -270,7 +252,6 @@ class PlayWindow:
         self.gamepad.hold(self._stick, self._trigger, self._second, self._sideways)
 
     def _open_gamepads(self) -> None:
-        """Open every game controller that is connected."""
         from pygame._sdl2 import controller  # its axes mean the same on every pad, unlike a joystick's
 
         controller.init()

@@ -19,9 +19,8 @@ from cutenv._base.validation import in_range
 from cutenv.agents.policy.interface import in_si
 from cutenv.agents.policy.tip_estimate import CUT_ESTIMATE, TipEstimate
 from cutenv.envs.depth_cut import DepthCutEnv
-from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.envs.path_cut import PathCutEnv, to_path_action
-from cutenv.people.play.devices import ScriptedDevice, watching_hand
+from cutenv.people.play.hand_led_cut import HandLedCut
 from cutenv.people.play.hand_model import PLAYED_HAND, descent_toward, hand_over_slab, speed_toward, steered_toward
 from cutenv.people.play.handle_body import Handle, HandlePose
 from cutenv.people.play.haptics import FeltForce, Stylus
@@ -50,32 +49,16 @@ _LATERAL = PATH_CUT.all_components[_AT_LATERAL]
 
 @dataclass(frozen=True, kw_only=True)
 class NearTarget:
-    """Measured and estimated state of a cut near its target.
+    """Measured and estimated state of a cut near its target."""
 
-    Attributes
-    ----------
-    force, elastic : float
-        Measured force, and the tissue's part of it as estimated [N].
-    friction : float
-        Friction of the moving blade as estimated [N].
-    stiffness : float
-        Stiffness K of the slab at the tip as estimated [N/m].
-    speed, angle : float
-        Of the blade [m/s], [rad]; pi/2 is upright.
-    rested : float
-        Time for which the blade has been at rest and unloaded [s].
-    withdrawn : float
-        Distance drawn back since the tissue was last loaded [m].
-    """
-
-    force: float
-    elastic: float
-    friction: float
-    stiffness: float
-    speed: float
-    angle: float
-    rested: float
-    withdrawn: float
+    force: float  # measured [N]
+    elastic: float  # the tissue's part of it as estimated [N]
+    friction: float  # of the moving blade, estimated [N]
+    stiffness: float  # K of the slab at the tip, estimated [N/m]
+    speed: float  # of the blade [m/s]
+    angle: float  # [rad]; pi/2 is upright
+    rested: float  # at rest and unloaded so far [s]
+    withdrawn: float  # drawn back since the tissue was last loaded [m]
 
 
 def missing_to_finish(cut: NearTarget, *, force_shown: bool = True) -> tuple[str, ...]:
@@ -100,7 +83,7 @@ def missing_to_finish(cut: NearTarget, *, force_shown: bool = True) -> tuple[str
     return tuple(missing)
 
 
-class PlayedCut:
+class PlayedCut(HandLedCut):
     """Cut of one specimen by a person's hand.
 
     It is an episode of ``GentleCutEnv(drive="hand", control_hz=1000)`` with the same seed: specimen, target, ends and
@@ -125,12 +108,8 @@ class PlayedCut:
         If a value is out of range.
     """
 
-    environment: type[GentleCutEnv] = GentleCutEnv
-    """Environment whose episode it is."""
     channels: tuple[str, ...] = ()
     """Channels of the record that a cut straight on has not, as fields of a trace."""
-    third: str = ""
-    """Way of the hand besides the position and the angle: "level", "across" or none."""
 
     def __init__(
         self,
@@ -163,23 +142,12 @@ class PlayedCut:
         """Cause of the end, one of the environment's ends; empty while the cut goes on."""
 
     def _drive(self) -> dict[str, Any]:
-        """Return the environment's arguments of what moves the blade."""
         return {"drive": "hand", **dataclasses.asdict(PLAYED_HAND)}
 
     @property
     def plant(self) -> SimulatedPlant:
         """Simulated plant of this cut."""
         return self._env.plant
-
-    @property
-    def cutting(self) -> Any:
-        """Task of this cut."""
-        return self._env.cutting
-
-    @property
-    def specimen_words(self) -> str:
-        """Specimen class, and tissue name unless it is measured pig liver."""
-        return self._env.tissue.words(self.specimen_class)
 
     @property
     def truth(self) -> dict[str, Any]:
@@ -191,11 +159,6 @@ class PlayedCut:
     def readings(self) -> StructArray:
         """Every reading so far, shape (n,); existing ones do not change."""
         return self._readings[: self._count]
-
-    @property
-    def target_length(self) -> float:
-        """Target length [m]."""
-        return float(self.cutting.target_length)
 
     @property
     def hand(self) -> float:
@@ -242,7 +205,6 @@ class PlayedCut:
             )
 
     def _sampled(self) -> tuple[float, ...]:
-        """Return :attr:`channels` now."""
         return ()
 
     def _noted(self) -> dict[str, Any]:
@@ -260,13 +222,6 @@ class PlayedCut:
     def felt(self, felt: FeltForce, stylus: Stylus) -> float:
         """Return the force for the person's hand by the coupling [N]."""
         return felt.update(stylus.position, float(self.readings["position"][-1]))
-
-    def simple_hand(self) -> ScriptedDevice:
-        """Return a scripted hand that watches the tip, for this cut."""
-        return watching_hand(self._tip, self.target_length)
-
-    def _tip(self) -> float:
-        return float(self.plant.states["tip"][0])
 
     @property
     def map_words(self) -> str:
@@ -307,10 +262,7 @@ class PlayedCut:
     def trace(self, **metadata: object) -> Trace:
         """Return the trace that a rig would have recorded.
 
-        Raises
-        ------
-        ValueError
-            If there are fewer than two readings.
+        Raises ValueError if there are fewer than two readings.
         """
         noted = {"target_length_m": self.target_length, TIP_AT_END: round(float(self.readings["tip"][-1]), 6)}
         trace = to_trace(self.plant, self.readings, **noted, **self._noted(), **metadata)
@@ -339,23 +291,10 @@ class PlayedDepthCut(PlayedCut):
         super().__init__(**keywords)
         self._start = self.level
 
-    @property
-    def level(self) -> float:
-        """Level of the blade's lower end [m], 0 at the specimen's profile."""
-        return float(self.cutting.motion["level"][0])
-
-    def wanted_level(self, position: float) -> float:
-        """Return the wanted floor's level above the starting blade's [m]."""
-        return float(depth_below(self.cutting.shown_depth.wanted, position)) - self._start
-
     def action(self, stylus: Stylus) -> NDArray[np.float32]:
         """Return the environment's action, with descent to the wanted level."""
         descent = descent_toward(self.level, self._start + stylus.level)
         return np.append(super().action(stylus), np.float32(np.clip(descent, -1.0, 1.0)))
-
-    def simple_hand(self) -> ScriptedDevice:
-        """Return a scripted hand that keeps the wanted depth."""
-        return watching_hand(self._tip, self.target_length, level=self.wanted_level)
 
     def _sampled(self) -> tuple[float, ...]:
         return self.level, float(self.cutting.across[0])
@@ -405,10 +344,6 @@ class PlayedPathCut(PlayedCut):
             PLAYED_HAND.acceleration,
         )  # fmt: skip
         return to_path_action(float(speed), stylus.angle, float(turn))
-
-    def simple_hand(self) -> ScriptedDevice:
-        """Return a scripted hand that follows the line by the tip."""
-        return watching_hand(self._tip, self.target_length, line=self.cutting.line)
 
     def _sampled(self) -> tuple[float, ...]:
         return *self.cutting.blade_place, _LATERAL.scale * float(self._observation[_AT_LATERAL])

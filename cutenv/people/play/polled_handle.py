@@ -37,10 +37,7 @@ _UPRIGHT = 0.5 * math.pi
 
 
 class HandleSample(NamedTuple):
-    """Report of a handle.
-
-    X, y, z [m] in its own axes, and the buttons held down ("next", "repeat").
-    """
+    """Place of a handle [m] in its own axes, and buttons held down."""
 
     position: tuple[float, float, float]
     buttons: frozenset[str] = frozenset()
@@ -68,26 +65,11 @@ class HandleLink(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class HandleAxes:
-    """Assignment of a handle's axes, reversed by a minus.
+    """Assignment of a handle's axes, reversed by a minus, all different."""
 
-    Parameters
-    ----------
-    along : {"x", "y", "z", "-x", "-y", "-z"}
-        Axis that leads the blade along the cut.
-    lean : {"x", "y", "z", "-x", "-y", "-z"}
-        Axis that leans the blade: 20 mm from where the cut began incline it to 45 degrees.
-    up : {"x", "y", "z", "-x", "-y", "-z"}
-        Axis that raises the blade where a depth is wanted.
-
-    Raises
-    ------
-    ValueError
-        If one is none of these, or two are the same.
-    """
-
-    along: str = "x"
-    lean: str = "y"
-    up: str = "z"
+    along: str = "x"  # leads the blade along the cut
+    lean: str = "y"  # 20 mm from where the cut began incline it to 45 degrees
+    up: str = "z"  # raises the blade where a depth is wanted
 
     def __post_init__(self) -> None:
         for name in ("along", "lean", "up"):
@@ -126,29 +108,9 @@ def checked_sample(position: tuple[float, float, float], buttons: frozenset[str]
 class PolledHandle:
     """Haptic device, polled a thousand times a second.
 
-    A thread of its own talks to its link.
-
-    Parameters
-    ----------
-    link : HandleLink
-        Connection to the device.
-    coupling : VirtualCoupling
-        Coupling that makes its force safe; its period is the longest time that a force is held.
-    axes : HandleAxes
-        Which of the device's axes is which.
-    clock : callable
-        Clock in seconds.
-
-    Attributes
-    ----------
-    stale : int
-        Number of exchanges in which zero was sent because the newest sample was stale.
-    unsound : int
-        Number of answers that were no sample, or came too late.
-    longest : float
-        Longest time so far for which the device has held a force [s].
-    overlong : int
-        Number of exchanges that took longer than the coupling's period.
+    A thread of its own talks to its link. The coupling's period is the longest time that a force is held. Counted are
+    exchanges in which zero was sent for a ``stale`` sample, ``unsound`` or late answers, and exchanges that took
+    ``overlong``, beyond that period; ``longest`` is the longest time so far for which the device has held a force [s].
     """
 
     def __init__(
@@ -174,13 +136,7 @@ class PolledHandle:
         self._thread: threading.Thread | None = None
 
     def open(self) -> None:
-        """Connect at first; set the hand's place to the clamp.
-
-        Raises
-        ------
-        OSError
-            If there is no device, it is not ready, or it sends nothing.
-        """
+        """Connect at first, and set the clamp; OSError without samples."""
         if self._thread is None:
             self._link.open()
             self._thread = threading.Thread(target=self._run, name="cutenv handle", daemon=True)
@@ -191,10 +147,7 @@ class PolledHandle:
         self._origin = self._sample()
 
     def read(self) -> Stylus:
-        """Return the newest sample as place, lean, level and buttons.
-
-        It does not wait, and raises OSError if the device is lost.
-        """
+        """Return the newest sample, without waiting; OSError if the device is lost."""
         sample, origin = self._sample(), self._origin
         if origin is None:
             raise OSError("the haptic device is not open.")

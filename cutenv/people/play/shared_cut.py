@@ -33,26 +33,11 @@ _TAKEN_BY = ("control_hz", "angle_mode", "fixed_angle_deg")
 
 @dataclass(frozen=True, kw_only=True)
 class SharingAgent:
-    """Agent that shares a cut.
+    """Agent that shares a cut, by what a rig measures; ValueError for another."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the policy, for the record.
-    policy : callable
-        Policy of ``cutenv/GentleCut-v1``: an observation to an action, with ``reset``.
-    arguments : mapping
-        Keyword arguments of the environment that it needs: decisions a second, and how the blade is turned.
-
-    Raises
-    ------
-    ValueError
-        If it needs another task or another observation, or is shown the hidden state.
-    """
-
-    name: str
-    policy: Any
-    arguments: Mapping[str, Any] = field(default_factory=dict)
+    name: str  # of the policy, for the record
+    policy: Any  # of cutenv/GentleCut-v1: an observation to an action, with reset
+    arguments: Mapping[str, Any] = field(default_factory=dict)  # of the environment that it needs
 
     def __post_init__(self) -> None:
         if (task := self.arguments.get("task", "gentle")) != "gentle":
@@ -81,14 +66,8 @@ class SharedCut(PlayedCut):
     The drive follows the agent's speed and angle, or the person's while they hold a button.
 
     Without the person it is the agent's cut in the environment, decision by decision. The blade does not leap when the
-    person takes it: it moves and leans by as much as the hand does from there.
-
-    Parameters
-    ----------
-    agent : SharingAgent
-        Agent that cuts.
-    **keywords
-        Those of :class:`~cutenv.people.play.played_cut.PlayedCut`.
+    person takes it: it moves and leans by as much as the hand does from there. Keywords are those of
+    :class:`~cutenv.people.play.played_cut.PlayedCut`.
     """
 
     def __init__(self, *, agent: SharingAgent, **keywords: Any) -> None:
@@ -186,13 +165,7 @@ class SharedCut(PlayedCut):
         return super().missing(practice=practice, force_shown=force_shown) if self.person_leads else ()
 
     def trace(self, **metadata: object) -> Trace:
-        """Return a rig's trace, with who held the blade and when.
-
-        Raises
-        ------
-        ValueError
-            If there are fewer than two readings.
-        """
+        """Return a rig's trace, with who held the blade and when."""
         every, persons = self.decisions
         metadata.pop("hand", None)  # there is none between person and blade
         return super().trace(
@@ -205,10 +178,7 @@ class SharedCut(PlayedCut):
         )
 
     def _observed(self) -> NDArray[np.float32]:
-        """Return the agent's observation and begin the next.
-
-        Forces are those since its last one.
-        """
+        """Return the agent's observation, forces since its last one."""
         observation = self._observation.copy()
         folded = {"force_mean": self._sum / self._ticks, "force_min": self._least, "force_max": self._most}
         for name, value in folded.items():
@@ -227,16 +197,8 @@ class InterveningHand:
     there. Speed and angle follow the hand. One that gets ahead of the blade by more than :data:`LEASH`, because the
     device jumps, reads what is no place, or is moved faster than any blade, is followed no more: the blade stands until
     the button is pressed anew. The device pushes nothing: a force that is new only with every decision would not be
-    passive.
-
-    Parameters
-    ----------
-    device : HapticDevice
-        Device, open.
-    blade : callable
-        Returns the present position of the blade [m].
-    control_hz : int
-        Decisions a second.
+    passive. The device is open, ``blade`` returns the present position of the blade [m], decisions are ``control_hz`` a
+    second.
     """
 
     def __init__(self, device: HapticDevice, blade: Callable[[], float], *, control_hz: int) -> None:

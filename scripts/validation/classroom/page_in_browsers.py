@@ -24,7 +24,8 @@ import numpy as np
 from tqdm import tqdm
 
 from cutenv.people.browser import HandCut, write_page_alone
-from cutenv.people.browser.page_alone import OFFERED, specimen_data
+from cutenv.people.browser.page_alone import OFFERED
+from cutenv.people.browser.page_data import specimen_data
 from cutenv.people.browser.stylus_steps import HandDepthCut, HandPathCut
 from cutenv.records.scoring import Truth, score
 from cutenv.records.scoring.cut_metrics import MAP_METRICS, METRICS

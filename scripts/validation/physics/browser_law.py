@@ -17,7 +17,7 @@ import numpy as np
 import wasmtime
 from tqdm import tqdm
 
-from cutenv.people.browser.page_alone import law_of, shared_part
+from cutenv.people.browser.page_data import law_of, shared_part
 from cutenv.people.browser.stylus_steps import HandCut, HandDepthCut, HandPathCut
 from cutenv.sim.cutting.dtypes import READING
 from cutenv.sim.tissue.grid import depth_below

@@ -90,25 +90,15 @@ def luminance(colour: str) -> float:
     return 0.2126 * red + 0.7152 * green + 0.0722 * blue
 
 
-def check_shades_can_be_read(styles: list[str]) -> None:
-    """The numbers' contrast with their cell is 4.5 at least."""
-    for style in styles:
-        ((background, ink),) = re.findall(r"background:(#\w+);color:(#\w+)", style)
-        dark, light = sorted((luminance(background), luminance(ink)))
-        assert (light + 0.05) / (dark + 0.05) >= 4.5, style
-
-
 SHADES = [grid_shade([0.0, 40.0], float(k)) for k in range(41)]
 
 
 def test_numbers_can_be_read_on_every_shade() -> None:
     assert len(set(SHADES)) > 20
-    check_shades_can_be_read(SHADES)
-
-
-def test_a_shade_that_hides_its_number_is_noticed() -> None:
-    with pytest.raises(AssertionError):
-        check_shades_can_be_read([style.replace("color:#000", "color:#fff") for style in SHADES])
+    for style in SHADES:
+        ((background, ink),) = re.findall(r"background:(#\w+);color:(#\w+)", style)
+        dark, light = sorted((luminance(background), luminance(ink)))
+        assert (light + 0.05) / (dark + 0.05) >= 4.5, style
 
 
 def test_a_grid_of_equal_returns_is_shaded_too() -> None:

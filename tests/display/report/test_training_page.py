@@ -40,11 +40,15 @@ def printed(row: Mapping[str, Any], factor: float, digits: int, share: bool) -> 
     return re.sub(r"-(?=0(\.0+)?(?![\d.]))", "", text).replace("-", "\u2212")
 
 
-def check_comparison_shows(document: str, shown: TrainingResult) -> None:
-    """Every policy has a row with all of its scores, and the best return comes first."""
-    rows = Page(document).rows
+def test_every_policy_stands_in_the_comparison_with_its_scores_the_best_first(document: str) -> None:
+    rows, shown = Page(document).rows, result()
     names = [row[0] for row in rows[1 : 1 + len(shown.policies)]]
-    assert [name.split("  ")[0] for name in names] == sorted(names, key=lambda name: -_return_of(name, shown))
+
+    def best(name: str) -> float:
+        policy = next(policy for policy in shown.policies if name.startswith(policy))
+        return -float(shown.score(policy, "return")["mean"])
+
+    assert [name.split("  ")[0] for name in names] == sorted(names, key=best)
     for policy in shown.policies:
         row = next(row for row in rows[1:] if row[0].startswith(policy))
         expected = [
@@ -52,22 +56,6 @@ def check_comparison_shows(document: str, shown: TrainingResult) -> None:
             for column in COLUMNS
         ]
         assert row[1:] == expected, policy
-
-
-def _return_of(name: str, shown: TrainingResult) -> float:
-    policy = next(policy for policy in shown.policies if name.startswith(policy))
-    return float(shown.score(policy, "return")["mean"])
-
-
-def test_every_policy_stands_in_the_comparison_with_its_scores_the_best_first(document: str) -> None:
-    check_comparison_shows(document, result())
-
-
-def test_a_changed_number_is_noticed(document: str) -> None:
-    changed = made_up.summary()
-    changed[3]["mean"] += 0.011
-    with pytest.raises(AssertionError):
-        check_comparison_shows(document, result(summary=changed))
 
 
 def test_agent_best_script_and_bound_are_marked(document: str) -> None:
@@ -199,12 +187,6 @@ def test_an_agent_that_beats_its_teacher_is_told_so_first_and_one_that_beats_non
     assert training_headline(result(differences=worse, rival_script=OTHER))[0] == "bad"
 
 
-def test_a_rival_needs_its_difference() -> None:
-    lacking = [row for row in made_up.differences() if row["baseline"] != OTHER]
-    with pytest.raises(ValueError, match=f"baseline {OTHER!r}, the rival_script"):
-        result(differences=lacking, rival_script=OTHER)
-
-
 def test_it_says_how_much_less_often_the_agent_succeeds() -> None:
     changed = [
         row | {"mean": -0.17, "low_95": -0.26, "high_95": -0.08} if row["score"] == "success" else row
@@ -261,28 +243,16 @@ def renamed(name: str) -> TrainingResult:
     )
 
 
-def check_only_own_markup(document: str) -> None:
-    """No element that the page does not need, and no attribute that runs anything."""
-    for name, attributes in Page(document).elements:
+def test_text_from_data_is_shown_and_never_run(tmp_path: Path) -> None:
+    page = Page(written(tmp_path, renamed(ODD)))
+    for name, attributes in page.elements:
         assert name not in ("script", "link", "iframe", "object", "embed", "base", "form")
         assert not any(attribute.startswith("on") for attribute in attributes)
-
-
-def test_text_from_data_is_shown_and_never_run(tmp_path: Path) -> None:
-    document = written(tmp_path, renamed(ODD))
-    check_only_own_markup(document)
-    page = Page(document)
     assert page.text.count(ODD) >= 8
     assert any(ODD in attributes.get("alt", "") for _, attributes in page.elements)
 
 
-def test_text_that_were_not_escaped_is_noticed(document: str) -> None:
-    with pytest.raises(AssertionError):
-        check_only_own_markup(document.replace("<h1>", f"<h1>{ODD}"))
-
-
-def check_fetches_nothing(document: str) -> None:
-    """Addresses are of the page's own sections or hold their data; the browser is told to fetch nothing."""
+def test_the_page_fetches_nothing(document: str) -> None:
     page = Page(document)
     assert page.addresses()
     for address in page.addresses():
@@ -292,19 +262,6 @@ def check_fetches_nothing(document: str) -> None:
     assert policies == ["default-src 'none'; img-src data:; style-src 'unsafe-inline'"]
     keys = {attributes["id"] for _, attributes in page.elements if "id" in attributes}
     assert {address[1:] for address in page.addresses() if address.startswith("#")} <= keys
-
-
-def test_the_page_fetches_nothing(document: str) -> None:
-    check_fetches_nothing(document)
-
-
-@pytest.mark.parametrize(
-    "added",
-    ['<img src="https://example.org/a.png">', '<img src="a.png">', "<style>@import 'a.css';</style>", '<a href="#no">'],
-)
-def test_a_fetch_is_noticed(document: str, added: str) -> None:
-    with pytest.raises(AssertionError):
-        check_fetches_nothing(document.replace("</main>", f"{added}</main>"))
 
 
 def test_long_sawing_cuts_stay_below_3_MB(tmp_path: Path) -> None:
@@ -353,6 +310,7 @@ SUMMARY, DIFFERENCE, GRID, CURVE = made_up.summary(), made_up.differences(), mad
             {"summary": without(SUMMARY, policy=BOUND, score="reward_jump")},
             "no score 'reward_jump' for policy 'planner",
         ),
+        ({"differences": without(DIFFERENCE, baseline=OTHER), "rival_script": OTHER}, f"{OTHER!r}, the rival_script"),
         ({"differences": without(DIFFERENCE, baseline=SCRIPT)}, "no row of score 'return' with baseline 'fast-then-sl"),
         ({"differences": changed(DIFFERENCE, 0, policy=BOUND)}, r"differences\[0\].policy must be one of 'PPO'"),
         ({"differences": changed(DIFFERENCE, 1, score="time_s")}, r"differences\[1\].score must be one of 'return'"),
@@ -392,12 +350,12 @@ def test_a_bad_cut_is_refused_by_name(bad: dict[str, Any], message: str) -> None
 def test_a_failure_leaves_the_older_page_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     older = written(tmp_path, result(cuts=[]))
 
-    def fails(*_: Any, **__: Any) -> None:
+    def curve_figure(*_: Any, **__: Any) -> None:
         raise OSError("no space left")
 
     for owner, name in ((training_page, "curve_figure"), (Path, "replace")):
         with monkeypatch.context() as patch:
-            patch.setattr(owner, name, fails)
+            patch.setattr(owner, name, curve_figure)
             with pytest.raises(OSError, match="no space left"):
                 write_training_page(tmp_path / "report.html", result(title="newer", cuts=[]))
         assert (tmp_path / "report.html").read_text(encoding="utf-8") == older

@@ -38,21 +38,12 @@ def test_a_short_record_is_shown_whole() -> None:
     np.testing.assert_array_equal(ShownCut.of(trace).time, trace.time - trace.time[0])
 
 
-def check_tip_goes_with_the_blade(cut: ShownCut) -> None:
-    """Under load the tip is carried to where the blade is, as far as the force is smooth."""
+def test_the_loaded_tip_stands_at_the_blade() -> None:
+    """As far as the force is smooth."""
+    cut = ShownCut.of(forward().trace)
     loaded = cut.force > 1.0
     assert loaded.sum() > 40
     assert np.median(np.abs(cut.tip + cut.shift - cut.position)[loaded]) < 5e-4
-
-
-def test_the_loaded_tip_stands_at_the_blade() -> None:
-    check_tip_goes_with_the_blade(ShownCut.of(forward().trace))
-
-
-def test_a_wrong_modulus_is_noticed() -> None:
-    cut = ShownCut.of(forward().trace)
-    with pytest.raises(AssertionError):
-        check_tip_goes_with_the_blade(dataclasses.replace(cut, shift=1.3 * cut.shift))
 
 
 @pytest.mark.parametrize(("turns", "source"), [((0.08,), "estimated"), ((0.08, 0.0), "return stroke")])
@@ -96,21 +87,21 @@ def test_what_is_missing_is_named_with_the_cure(missing: str) -> None:
     assert "depth=20mm" in str(refused.value)
 
 
-def test_a_force_that_is_no_newtons_is_refused() -> None:
-    with pytest.raises(ValueError, match="view needs force in newtons"):
-        ShownCut.of(dataclasses.replace(forward().trace, force_unit="1"))
-
-
-def test_a_blade_that_lies_flat_is_refused() -> None:
+@pytest.mark.parametrize(
+    ("changed", "why"),
+    [
+        (lambda trace: {"force_unit": "1"}, "view needs force in newtons"),
+        (lambda trace: {"angle": np.full(len(trace), math.radians(5.0))}, "5 deg lies flat"),
+        (
+            lambda trace: {"position": 2.0 * trace.position, "speed": 2.0 * trace.speed},
+            "longer than the model's specimen",
+        ),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused(changed: Any, why: str) -> None:
     trace = forward().trace
-    with pytest.raises(ValueError, match="5 deg lies flat"):
-        ShownCut.of(dataclasses.replace(trace, angle=np.full(len(trace), math.radians(5.0))))
-
-
-def test_a_cut_beyond_the_specimen_is_refused() -> None:
-    trace = forward().trace
-    with pytest.raises(ValueError, match="longer than the model's specimen"):
-        ShownCut.of(dataclasses.replace(trace, position=2.0 * trace.position, speed=2.0 * trace.speed))
+    with pytest.raises(ValueError, match=why):
+        ShownCut.of(dataclasses.replace(trace, **changed(trace)))
 
 
 @pytest.mark.parametrize("instants", [1, 5000])

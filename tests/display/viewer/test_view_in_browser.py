@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import base64
-import dataclasses
 import io
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from view_pages import INSTANTS, document, shown, told, with_told
+from view_pages import INSTANTS, document, shown, told
 
 from scripts.browsers.chromium import LEAST_CONTRAST, Browser
 
 pytest.importorskip("meshcat", reason="the 3-D viewer is an extra: pip install 'cutenv[view3d]'")
 
-from cutenv.display.viewer.solid import ShownCut
 from cutenv.display.viewer.solid.solids import SlabSolid, pose
 from cutenv.display.viewer.solid.view_page import view_page
 
@@ -218,43 +215,6 @@ def test_without_a_target_the_page_loads_too(browser: Browser, tmp_path: Path) -
     browser.open(path, PHONE)
     check_loads(browser, path)
     assert browser.value("document.getElementById('label-target').hidden")
-
-
-def _elsewhere() -> list[float]:
-    return [along + 0.005 for along in told(document())["scalpel_along_m"]]
-
-
-def _still() -> ShownCut:
-    moving = ("force", "position", "speed", "angle", "tip", "shift")
-    return dataclasses.replace(shown(), **{name: np.full(INSTANTS, getattr(shown(), name)[25]) for name in moving})
-
-
-def _of_several_things() -> str:
-    page = with_told(document(), scalpel_along_m=_elsewhere(), target_m=None)
-    fetching = '<main><img src="absent.png" alt="">'
-    return page.replace("default-src 'none'", "default-src 'self'").replace("<main>", fetching)
-
-
-@pytest.mark.parametrize(
-    ("broken", "checks"),
-    [
-        (_of_several_things, (check_loads, lambda b, _: check_scalpel(b, 25), lambda b, _: check_labels(b))),
-        (lambda: with_told(document(), commands=[]), (check_loads,)),
-        (lambda: document().replace("moveScalpel(i);", ""), (check_loads,)),
-        (lambda: view_page(_still()), (lambda b, _: check_moves(b),)),
-    ],
-    ids=["a fetch, the scalpel elsewhere, no target", "no scene", "another script", "all one instant"],
-)
-def test_a_broken_page_is_noticed(
-    browser: Browser, tmp_path: Path, broken: Callable[[], str], checks: tuple[Callable[[Browser, Path], None], ...]
-) -> None:
-    path = tmp_path / "broken.html"
-    path.write_text(broken(), encoding="utf-8")
-    browser.open(path, DESK)
-    browser.value("typeof cutView === 'object' && cutView.show(25)")
-    for check in checks:
-        with pytest.raises(AssertionError):
-            check(browser, path)
 
 
 def test_a_browser_without_graphics_says_so(page: Path, tmp_path: Path, browser: Browser) -> None:

@@ -32,8 +32,10 @@ class References(HTMLParser):
         self.found += [f"{tag} {name}={value}" for name, value in attrs if name in ("src", "href", "srcset", "action")]
 
 
-def check_refers_to_nothing(page: str) -> None:
+@pytest.mark.parametrize("colour", ["displacement", "energy"])
+def test_the_page_refers_to_nothing(colour: str) -> None:
     """No element fetches, and the browser is told to allow no fetch and no script but the two that are there."""
+    page = document(colour)
     assert References(page).found == []
     policy = re.search(r'http-equiv="Content-Security-Policy" content="([^"]*)"', page)
     assert policy is not None
@@ -43,25 +45,6 @@ def check_refers_to_nothing(page: str) -> None:
     assert len(rules["script-src"]) == 2
     assert all(source.startswith("'sha256-") for source in rules["script-src"])
     assert rules["img-src"] == ["data:", "blob:"]
-
-
-@pytest.mark.parametrize("colour", ["displacement", "energy"])
-def test_the_page_refers_to_nothing(colour: str) -> None:
-    check_refers_to_nothing(document(colour))
-
-
-@pytest.mark.parametrize(
-    ("found", "instead"),
-    [
-        ("<body>", '<body><img src="http://127.0.0.1/a.png" alt="">'),
-        ("'none'", "'self'"),
-        ("script-src", "script-src *"),
-    ],
-)
-def test_a_page_that_could_fetch_is_noticed(found: str, instead: str) -> None:
-    broken = document().replace(found, instead, 1)
-    with pytest.raises(AssertionError):
-        check_refers_to_nothing(broken)
 
 
 def test_the_same_cut_makes_the_same_page() -> None:

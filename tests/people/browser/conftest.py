@@ -31,6 +31,17 @@ def browser(opened: Browser) -> Iterator[Browser]:
     opened.leave()
 
 
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A page of one specimen of each class."""
+    pytest.importorskip("jinja2", reason="pages are an extra: pip install 'cutenv[view]'")
+    from cutenv.people.browser import write_page_alone
+
+    path = tmp_path_factory.mktemp("page") / "cut.html"
+    write_page_alone(path, count=1)
+    return path
+
+
 @pytest.fixture
 def page(browser: Browser, written: Path) -> Iterator[Browser]:
     """The page that the module has written, which loads nothing else and has no error."""

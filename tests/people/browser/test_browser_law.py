@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cutenv.people.browser.page_alone import page_alone, shared_part
+from cutenv.people.browser.page_alone import page_alone
+from cutenv.people.browser.page_data import shared_part
 from cutenv.people.browser.stylus_steps import HandCut, HandDepthCut, HandPathCut
 from cutenv.people.play import Stylus
 from cutenv.sim.tissue import measured_liver
@@ -35,8 +36,7 @@ def test_the_program_asks_its_surroundings_for_nothing(task: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("task", "seed"),
-    [*(("gentle", seed) for seed in range(4)), ("depth", 0), ("depth", 3), ("path", 1), ("path", 2)],
+    ("task", "seed"), [*(("gentle", seed) for seed in range(4)), ("depth", 0), ("depth", 3), ("path", 1), ("path", 2)]
 )
 def test_a_cut_in_webassembly_is_pythons_to_the_last_bit(task: str, seed: int) -> None:
     kind = TASKS[task].hand

@@ -14,7 +14,7 @@ pytest.importorskip("jinja2", reason="pages are an extra: pip install 'cutenv[vi
 
 import numpy as np
 
-from cutenv.people.browser import HandCut, write_page_alone
+from cutenv.people.browser import HandCut
 from cutenv.people.browser.watched_cut import from_runs
 from cutenv.records import load
 from cutenv.sim.plant.protocol import recorded_trace
@@ -29,13 +29,6 @@ PORT = """void Object.defineProperty(navigator, "serial", { configurable: true, 
     close: async () => { window.portClosed = true; } };
 } } })"""
 ANGLE, SERIAL = "cutenvPage.stylus.angle", "cutenvPage.stylus.serial"
-
-
-@pytest.fixture(scope="module")
-def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("page") / "cut.html"
-    write_page_alone(path, count=1)
-    return path
 
 
 def click(page: Browser, name: str) -> None:

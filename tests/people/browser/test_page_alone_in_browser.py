@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import time
 from pathlib import Path
 
@@ -23,21 +22,14 @@ from scripts.validation.classroom import page_in_browsers
 
 pytest.importorskip("jinja2", reason="pages are an extra: pip install 'cutenv[view]'")
 
-from cutenv._base.language_files import languages, texts_by_key
 from cutenv.commands import single_page
-from cutenv.people.browser import HandCut, write_page_alone
-from cutenv.people.browser.page_alone import scoring_data, specimen_data
+from cutenv.people.browser import HandCut
+from cutenv.people.browser.page_alone import scoring_data
+from cutenv.people.browser.page_data import specimen_data
 from cutenv.people.browser.watched_cut import from_runs
 from cutenv.records import load
 from cutenv.records.scoring import score
 from cutenv.sim.plant.protocol import recorded_trace
-
-
-@pytest.fixture(scope="module")
-def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("page") / "cut.html"
-    write_page_alone(path, count=1)
-    return path
 
 
 def hands(seed: int, count: int) -> list[list[float]]:
@@ -173,26 +165,7 @@ def test_where_a_limit_stopped_the_cut_is_marked(page: Browser) -> None:
     assert page.value("cutenvPage.page.cut.end") in ("force_limit", "overshoot")
 
 
-def test_the_wheel_tilts_the_blade(page: Browser) -> None:
-    x, y = start(page)
-    page.move_mouse(x, y)
-    page.turn_wheel(x, y, 120)
-    wait(page, f"cutenvPage.page.cut.angle < {np.radians(87.0)}")
-    give_up(page)
-
-
-def test_a_finger_leads_the_hand_and_giving_up_keeps_the_record(page: Browser) -> None:
-    x, y = start(page)
-    page.stroke([(x + 3 * step, y) for step in range(40)])
-    assert page.value("cutenvPage.stylus.position") > 0.0
-    wait(page, "cutenvPage.page.cut.count > 100 && cutenvPage.page.cut.hand > 0")
-    give_up(page)
-    assert page.value("cutenvPage.page.cut.end") == "given up"
-    assert page.value("document.getElementById('save').disabled") is False
-    assert '"end":"given up"' in page.value("cutenvPage.page.cut.csv('', true)")
-
-
-def test_keys_alone_start_move_and_tilt(page: Browser) -> None:
+def test_keys_alone_start_move_tilt_and_give_up_which_keeps_the_record(page: Browser) -> None:
     page.value("document.getElementById('picture').focus()")
     page.press(" ")
     page.release(" ")
@@ -209,6 +182,8 @@ def test_keys_alone_start_move_and_tilt(page: Browser) -> None:
     assert page.value("document.activeElement.id") == "stop"
     give_up(page)
     assert page.value("document.activeElement.id") == "card", "the card is read out, and Tab goes on from there"
+    assert page.value("document.getElementById('save').disabled") is False
+    assert '"end":"given up"' in page.value("cutenvPage.page.cut.csv('', true)")
 
 
 def test_a_gamepad_moves_and_tilts(page: Browser) -> None:
@@ -315,13 +290,6 @@ def test_a_page_at_rest_is_not_drawn_again(browser: Browser, written: Path) -> N
     assert browser.value(A_LITTLE_TALLER_THAN_THE_WINDOW) > 0.0, "it was taller before: the test compares nothing"
     time.sleep(0.2)
     assert browser.value(DRAWN_IN_HALF_A_SECOND) == 0
-
-
-def test_both_languages_have_the_same_texts() -> None:
-    texts = [texts_by_key(language) for language in languages()]
-    assert set(texts[0]) == set(texts[1])
-    for name, text in texts[0].items():
-        assert sorted(re.findall(r"{.*?}", text)) == sorted(re.findall(r"{.*?}", texts[1][name])), name
 
 
 def test_the_command_writes_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,10 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
-pytest.importorskip("starlette", reason="the server is an extra: pip install 'cutenv[serve]'")
-pytest.importorskip("httpx2", reason="asks the server in its tests: pip install 'cutenv[dev]'")
-
 from class_room import TOKEN, Room, cut_once, to_the_end
 
 from cutenv.people.browser import write_page_alone

@@ -11,11 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-pytest.importorskip("starlette", reason="the server is an extra: pip install 'cutenv[serve]'")
-pytest.importorskip("httpx2", reason="asks the server in its tests: pip install 'cutenv[dev]'")
-
-from class_room import Room, begun, cut_once, hand, message, sent, to_the_end
+from class_room import Room, begun, cut_once, hand, message, sent, to_the_end, words
 
 from cutenv.agents.policy import experts
 from cutenv.commands import cli
@@ -39,10 +35,6 @@ def two(room: Room) -> Room:
     made = teacher.post("/teacher/course", data=SECOND)
     assert (made.status_code, made.headers["location"]) == (303, "course?course=nurses-2b")
     return room
-
-
-def words(document: str) -> str:
-    return " ".join(re.sub(r"<style>.*?</style>|<[^>]*>", " ", document, flags=re.DOTALL).split())
 
 
 def ahead(client: Any) -> str:
@@ -280,17 +272,3 @@ def test_the_form_lists_agents_by_the_kind_they_can_cut(two: Room) -> None:
         for kind, options in re.findall(r'<optgroup label="([^"]+)">(.*?)</optgroup>', first, re.DOTALL)
     }
     assert listed == {"gentle cut": experts("gentle")[1:], "along a drawn line": experts("path")[1:]}
-
-
-@pytest.mark.parametrize(
-    ("changed", "says"),
-    [
-        ({"warm_up": "21"}, "warm_up = 21 is outside 0 to 20"),
-        ({"warm_up": "two"}, "warm_up must be a whole number"),
-        ({"0-name": "(warm-up)"}, "is that of the warm-up"),
-    ],
-)
-def test_a_bad_beginning_is_refused(two: Room, changed: dict[str, str], says: str) -> None:
-    answer = two.teacher().post("/teacher/course", data=FIRST | changed)
-    assert answer.status_code == 422
-    assert says in answer.text

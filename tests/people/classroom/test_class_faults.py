@@ -132,14 +132,13 @@ def test_a_database_that_cannot_be_written_is_told_and_the_cut_can_be_sent_again
 def test_a_clock_that_is_set_back_loses_nothing_and_changes_no_order(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "course.toml").write_text(ONE_TASK.format(repetitions=2))
-    room = Room(tmp_path, str(tmp_path / "course.toml"))
+    room = Room(tmp_path, ONE_TASK.format(repetitions=2))
     client = room.person("P01")
     given_up, whole = cut_once(client)[0], []
     for _ in range(2):
         monkeypatch.setattr(CLOCK, "ahead", CLOCK.ahead - timedelta(days=1))
         whole.append(cut_once(client, whole_cut("uniform", client))[0])
-        again = Room(tmp_path, str(tmp_path / "course.toml"))
+        again = Room(tmp_path, ONE_TASK.format(repetitions=2))
         for progress in (room.lesson.progress("P01"), again.lesson.progress("P01")):
             assert progress is not None
             assert progress._counted == {"only": [False] + [True] * len(whole)}, "missed, and then in a row"
@@ -165,8 +164,7 @@ def test_a_cut_that_is_left_counts_as_given_up_and_the_next_specimen_is_another(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("cutenv.people.classroom.analysis._PROGRAM", "")  # no study is worked out
-    (tmp_path / "course.toml").write_text(ONE_TASK.format(repetitions=2) + "seeds = [11, 12, 13, 14]\n")
-    room = Room(tmp_path, str(tmp_path / "course.toml"))
+    room = Room(tmp_path, ONE_TASK.format(repetitions=2) + "seeds = [11, 12, 13, 14]\n")
     client = room.person("P01")
     room.store.set_pass_mark("one", 1.0)
     assert cut_once(client, whole_cut("uniform", client))[0].json()["passed"]
@@ -231,8 +229,7 @@ def test_a_cut_of_another_course_is_neither_handed_out_again_nor_finished(tmp_pa
 def test_a_record_that_cannot_be_read_now_is_neither_progress_nor_forgotten(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "course.toml").write_text(TWO_TASKS.replace("repetitions = 2\n", ""))
-    room = Room(tmp_path, str(tmp_path / "course.toml"))
+    room = Room(tmp_path, TWO_TASKS.replace("repetitions = 2\n", ""))
     client = room.person("P01")
     assert cut_once(client, whole_cut("uniform", client))[0].status_code == 200
     with room.store.engine.begin() as connection:  # as an earlier version saved it
@@ -301,8 +298,7 @@ def test_what_a_page_lost_is_shown(room: Room) -> None:
 
 def two_rooms(folder: Path) -> list[Room]:
     """A class on two servers, with a course of two tasks."""
-    (folder / "course.toml").write_text(TWO_TASKS.replace("repetitions = 2\n", ""))
-    return [Room(folder, str(folder / "course.toml")) for _ in range(2)]
+    return [Room(folder, TWO_TASKS.replace("repetitions = 2\n", "")) for _ in range(2)]
 
 
 def test_two_servers_on_one_folder_hand_out_and_keep_a_cut_once_up_to_the_last_task(tmp_path: Path) -> None:

@@ -217,21 +217,3 @@ def test_the_last_card_of_a_course_stays_when_nothing_comes_next(browser: chromi
     assert browser.value(shown) == before
     assert browser.value("document.getElementById('start').disabled") is True
     served.end()
-
-
-def test_pages_fit_a_telephone_and_can_be_read(browser: chromium.Browser, served: Served) -> None:
-    teacher = served.client()
-    teacher.post("teacher", data={"token": served.token})
-    teacher.post("teacher/codes", data={"count": "2", "class_name": "2b"})
-    code = re.findall(r"people/(\w+)", teacher.get("teacher").text)[0]
-    for path in ("", "teacher", "teacher/live", "teacher/course?from=path", "teacher/sheet", f"teacher/people/{code}"):
-        if path == "teacher/live":
-            for name, value in teacher.cookies.items():
-                browser.tell("Network.setCookie", name=name, value=value, url=served.address)
-        browser.open(served.address + path, 400)
-        browser.wait("document.querySelector('form')")
-        assert browser.value("document.documentElement.scrollWidth") <= 400
-        for dark in (False, True):
-            browser.darken(dark)
-            assert browser.value("matchMedia('(prefers-color-scheme: dark)').matches") is dark
-            assert browser.value(chromium.LEAST_CONTRAST) >= 4.5

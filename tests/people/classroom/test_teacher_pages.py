@@ -13,16 +13,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-pytest.importorskip("starlette", reason="the server is an extra: pip install 'cutenv[serve]'")
-pytest.importorskip("httpx2", reason="asks the server in its tests: pip install 'cutenv[dev]'")
-
-from class_room import CLOCK, Room, begun, cut_once, hand
+from class_room import CLOCK, Room, begun, cut_once, hand, words
 from starlette.testclient import TestClient
 
+from cutenv.display.report.trainee_sheet import class_means
 from cutenv.people.classroom import ClassStore, Lesson
 from cutenv.people.classroom.class_backup import restore_backup, write_backup
-from cutenv.people.classroom.class_overview import class_means, live_list, score_curve
+from cutenv.people.classroom.class_overview import live_list, score_curve
 from cutenv.people.classroom.class_store import CutEnd, NewCut
 from cutenv.people.classroom.class_tables import TRIAL
 from cutenv.people.classroom.foreign_upload import LARGEST_UPLOAD
@@ -67,10 +64,6 @@ def ended(teacher: TestClient, path: str) -> Any:
         assert time.monotonic() < until
         time.sleep(0.02)
     return answer
-
-
-def words(page: str) -> str:
-    return " ".join(re.sub(r"<style>.*?</style>|<[^>]*>", " ", page, flags=re.DOTALL).split())
 
 
 # Classes and groups
@@ -606,21 +599,6 @@ def test_places_marks_and_foreign_records_are_in_a_backup(room: Room, tmp_path: 
     assert older.cuts() == room.store.cuts()
     for store in (fresh, older):
         store.close()
-
-
-@pytest.mark.parametrize(
-    "path",
-    [
-        "places", "studies", "studies/x", "studies/x/drop", "studies/x/y.html", "pass-mark", "upload", "upload/x",
-        "cuts.csv", "people/P01",
-    ],
-)  # fmt: skip
-def test_nobody_but_the_teacher_gets_in(room: Room, path: str) -> None:
-    person = room.person("P01")
-    for client in (room.client(), person):
-        answers = [client.request(method, f"/teacher/{path}").status_code for method in ("GET", "POST")]
-        assert set(answers) <= {401, 405}
-        assert 401 in answers
 
 
 def test_a_curve_is_drawn_of_scores_and_a_mean_of_three_people_or_more() -> None:

@@ -9,8 +9,6 @@ from typing import Any
 
 import pytest
 
-pytest.importorskip("starlette", reason="the server is an extra: pip install 'cutenv[serve]'")
-pytest.importorskip("httpx2", reason="asks the server in its tests: pip install 'cutenv[dev]'")
 pytest.importorskip("matplotlib", reason="pictures are an extra: pip install 'cutenv[view]'")
 
 from class_room import TOKEN, Room, cut_once

@@ -9,6 +9,7 @@ import pytest
 from cutenv.people.play.play_window import PlayWindow
 
 pygame = pytest.importorskip("pygame", reason='playing is an extra: pip install "cutenv[play]"')
+pytest.importorskip("pymunk", reason='playing is an extra: pip install "cutenv[play]"')
 
 FRAME = 1.0 / 60.0
 

@@ -77,18 +77,10 @@ def test_the_file_says_what_the_course_holds(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        (
-            'feedback = "never"',
-            'feedback = "newer"',
-            "task 2 ('second'): feedback must be one of .*Did you mean 'never'",
-        ),
+        ('feedback = "never"', 'feedback = "newer"', "('second'): feedback must be one of .*Did you mean 'never'"),
         ("repetitions = 2", "repetitions = 0", "task 1 ('first'): repetitions = 0 is outside 1 to 1000"),
         ("repetitions = 2", "repetition = 2", "task 1 ('first'): key must be one of .*Did you mean 'repetitions'"),
-        (
-            "tip_error_mm",
-            "tip_error",
-            "mark must be one of .*Did you mean 'tip_error_mm'|mark 'tip_error' is not known",
-        ),
+        ("tip_error_mm", "tip_error", "Did you mean 'tip_error_mm'|mark 'tip_error' is not known"),
         ("overall_score = 1,", "overall_score = 101,", "mark overall_score = 101 is outside 0 to 100"),
         ('specimen_class = "liver"', "", "task 2 ('second'): specimen_class is missing. Give one of"),
         ('specimen_class = "liver"', 'specimen_class = "kidney"', "specimen_class must be one of .*got 'kidney'"),

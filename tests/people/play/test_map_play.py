@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from played import Pushing
-from played_window import begin, post, press, show
+from played_window import begin, post, press, pygame, show
 
 from cutenv.commands import play
 from cutenv.display.viewer.scene import Moment
@@ -29,6 +29,7 @@ from cutenv.people.play.hand_model import turn_toward
 from cutenv.people.play.haptics import Stylus
 from cutenv.people.play.picture import LAYOUT
 from cutenv.people.play.play_session import Session, SessionPlan
+from cutenv.people.play.play_window import PlayWindow
 from cutenv.people.play.played_cut import PlayedCut, PlayedDepthCut, PlayedPathCut
 from cutenv.records import load_one
 from cutenv.records.scoring.cut_map import LINE_KEY
@@ -204,9 +205,6 @@ def test_a_stick_moves_the_hand_across_and_away_is_to_the_left() -> None:
 
 
 def test_wheel_finger_and_second_stick_lead_the_depth_and_with_shift_the_wheel_tilts() -> None:
-    pygame = pytest.importorskip("pygame")
-    from cutenv.people.play.play_window import PlayWindow
-
     session = Session(MouseDevice(), SessionPlan(task="depth", seed=3, target_length=0.06, countdown=0.0))
     window = PlayWindow(session, scripted=False)
     window._window._fps = 0.0
@@ -233,9 +231,6 @@ def test_wheel_finger_and_second_stick_lead_the_depth_and_with_shift_the_wheel_t
 
 
 def test_mouse_arrow_keys_and_stick_lead_the_hand_across_in_the_window() -> None:
-    pygame = pytest.importorskip("pygame")
-    from cutenv.people.play.play_window import PlayWindow
-
     session = Session(MouseDevice(), SessionPlan(task="path", line="arc", seed=3, target_length=0.06, countdown=0.0))
     window = PlayWindow(session)
     window._window._fps = 0.0

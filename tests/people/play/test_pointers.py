@@ -8,7 +8,7 @@ import sys
 
 import numpy as np
 import pytest
-from played_window import begin, post, press, show
+from played_window import begin, post, press, pygame, show
 
 from cutenv.display.viewer import palette
 from cutenv.display.viewer.window import Window
@@ -16,9 +16,6 @@ from cutenv.people.play.devices import LEAD
 from cutenv.people.play.hand_model import FASTEST
 from cutenv.people.play.picture import LAYOUT
 from cutenv.people.play.play_window import PlayWindow
-
-pygame = pytest.importorskip("pygame", reason='playing is an extra: pip install "cutenv[play]"')
-pytest.importorskip("pymunk", reason='playing is an extra: pip install "cutenv[play]"')
 
 
 def test_a_flick_of_the_mouse_does_not_run_the_cut_away(window: PlayWindow) -> None:
@@ -117,8 +114,6 @@ def test_a_window_opens_at_a_size_that_the_screen_has_room_for(
     opened.close()
 
 
-pytest.importorskip("pygame", reason="playing is an extra: pip install 'cutenv[play]'")
-pytest.importorskip("pymunk", reason="playing is an extra: pip install 'cutenv[play]'")
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER")
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="elsewhere there always is a display")
 

@@ -212,11 +212,6 @@ def test_a_service_that_answers_late_returns_no_more_energy_than_the_hand_gave(e
     assert abs(service.speed) < 0.01
 
 
-def test_without_the_account_of_each_exchange_a_late_service_swings_by_itself(enough: None) -> None:
-    service = swung(0.008)
-    assert service.returned_most > 1e-3
-
-
 def test_a_handle_that_stays_silent_or_hangs_up_is_lost_with_a_reason(handle: PolledHandle, link: FakeLink) -> None:
     link.set(TimeoutError())
     time.sleep(LOST + 0.1)
@@ -349,10 +344,7 @@ def test_the_sample_of_a_state_is_read_as_it_is() -> None:
         ({"inverse3": [{"device_id": "049D", "status": {"ready": False}}]}, "calibrate it and wait"),
         ({"inverse3": [{"device_id": "049D", "state": {}}]}, "has no cursor_position"),
         ({"inverse3": [{"device_id": "049D", "state": {"cursor_position": {"x": "1"}}}]}, "holds no three numbers"),
-        (
-            {"inverse3": [{"device_id": "049D", "state": {"cursor_position": {"x": 5, "y": 0, "z": 0}}}]},
-            "outside 1 m",
-        ),
+        ({"inverse3": [{"device_id": "049D", "state": {"cursor_position": {"x": 5, "y": 0, "z": 0}}}]}, "outside 1 m"),
     ],
 )
 def test_a_state_that_is_none_says_why(changed: dict[str, object], said: str) -> None:

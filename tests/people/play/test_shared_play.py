@@ -22,7 +22,6 @@ from cutenv.people.play.play_session import Session, SessionPlan
 from cutenv.people.play.play_window import PlayWindow
 from cutenv.people.play.shared_cut import SharedCut, SharingAgent
 from cutenv.records import load_one, save
-from cutenv.task.observation import in_units
 
 UPRIGHT = 0.5 * np.pi
 IDLE = Stylus(0.0, UPRIGHT)
@@ -197,13 +196,3 @@ def test_a_policy_that_cannot_share_the_cut_is_refused_before_a_window_opens(
 ) -> None:
     assert cli.main(["play", *options, "--out", str(tmp_path)]) == 2
     assert message in capsys.readouterr().err
-
-
-def test_the_observation_of_a_shared_cut_is_that_of_a_decision() -> None:
-    cut = shared_cut()
-    for _ in range(100):
-        cut.tick(IDLE)
-    felt = cut.readings["force"]
-    told = in_units(cut._observed())
-    assert float(told["force_max"]) == pytest.approx(felt.max(), abs=1e-5)
-    assert float(told["force_mean"]) == pytest.approx(felt.mean(), abs=1e-5)

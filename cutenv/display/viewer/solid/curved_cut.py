@@ -1,7 +1,4 @@
-"""Slab with cuts along any curve at one instant.
-
-Elements of its model at rest and displaced, a solid, the blade.
-"""
+"""Slab with cuts along any curve at one instant, as a solid."""
 
 from __future__ import annotations
 
@@ -132,17 +129,7 @@ _ABOVE = 2.5e-4  # the upper face, at which lines are drawn [m]
 
 
 class CurvedSolid:
-    """Slab cut along any curve, as surfaces and lines.
-
-    Parameters
-    ----------
-    cut : CurvedCut
-
-    Attributes
-    ----------
-    depth : float
-        Mean depth of cut, to which the slab is drawn [m].
-    """
+    """Slab cut along any curve, as surfaces and lines."""
 
     width = WIDTH
 
@@ -174,10 +161,7 @@ class CurvedSolid:
 
     @cached_property
     def wanted(self) -> Array | None:
-        """Ends of the wanted line's pieces, shape (2 n, 3) [m], or None.
-
-        They lie over the upper face.
-        """
+        """Ends of the wanted line's pieces over the upper face, shape (2 n, 3) [m], or None."""
         if self._line is None:
             return None
         return self._above(np.stack((self._line[:-1], self._line[1:]), axis=1).reshape(-1, 2))

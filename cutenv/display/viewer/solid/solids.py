@@ -198,7 +198,6 @@ def _target(trace: Trace, given: float | None) -> float | None:
 
 
 def _of_height(trace: Trace, cut: ScoredCut, shown: Indices) -> dict[str, Any]:
-    """Return height, floor, wanted depth and layer of a record, if known."""
     if trace.height is None:
         return {}
     # The whole record is shown, also of a cut that did not come to an end.
@@ -241,25 +240,14 @@ class Surface:
 
 
 def grid_faces(rows: int, columns: int) -> Indices:
-    """Return a vertex grid's triangles, shape (2 (rows - 1) (columns - 1), 3).
-
-    Vertices are numbered row by row.
-    """
+    """Return triangles of vertices by row, shape (2 (rows - 1) (columns - 1), 3)."""
     number = np.arange(rows * columns).reshape(rows, columns)
     a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
     return np.concatenate([np.stack([a, b, c], axis=-1), np.stack([a, c, d], axis=-1)]).reshape(-1, 3)
 
 
 def swept(sections: Array) -> Surface:
-    """Return a closed skin around sections, with flat ends.
-
-    Each quadrangle has its own vertices.
-
-    Parameters
-    ----------
-    sections : ndarray of shape (n_sections, n_points, 3)
-        Points [m] around each section.
-    """
+    """Return a closed skin around sections, shape (n_sections, n_points, 3) [m]."""
     around = np.concatenate([sections, sections[:, :1]], axis=1)
     quads = np.stack([around[:-1, :-1], around[1:, :-1], around[1:, 1:], around[:-1, 1:]], axis=-2).reshape(-1, 4, 3)
     parts = [_quads(quads)]
@@ -290,10 +278,7 @@ _HANDLE_THICKNESS = 0.0024  # [m]
 
 
 class ScalpelPose(NamedTuple):
-    """Scalpel's origin along and above the specimen [m], and angle [rad].
-
-    The height is above the lower face.
-    """
+    """Scalpel's origin along and above the specimen's lower face [m], and angle [rad]."""
 
     along: float
     height: float
@@ -303,26 +288,12 @@ class ScalpelPose(NamedTuple):
 def pose(position: float, angle: float, depth: float, level: float = 0.0) -> ScalpelPose:
     """Return the pose with the edge in the surface at ``position``.
 
-    Parameters
-    ----------
-    position : float
-        Position of the edge in the tissue's surface, from the clamp [m].
-    angle : float
-        Angle of the blade against the surface [rad]; below 90 degrees it leans forward.
-    depth : float
-        Height of the surface there [m]: the depth of the cut of a blade at level 0.
-    level : float
-        Height of the blade's lower end [m].
+    The position of the edge is from the clamp [m], the angle against the surface [rad], below 90 degrees leaning
+    forward. ``depth`` is the height of the surface there, that of the cut of a blade at level 0, and ``level`` the
+    height of the blade's lower end [m].
     """
-    scene = derived_quantities(
-        {
-            "blade": position,
-            "tip": position,
-            "angle": angle,
-            "level": level,
-            "depth_at": lambda along: depth + 0.0 * along,
-        }
-    )
+    given = {"blade": position, "tip": position, "angle": angle, "level": level}
+    scene = derived_quantities(given | {"depth_at": lambda along: depth + 0.0 * along})
     return ScalpelPose(along=float(scene["scalpel_along"]), height=float(scene["scalpel_height"]), angle=angle)
 
 
@@ -370,12 +341,8 @@ _LINE = 0.6e-3  # thickness of the wanted depth's line [m]
 def plane_rows(cut: ShownCut, along: Array, surface: Array) -> Array:
     """Return unloaded rows, (across, along, up) [m], shape (5, n, 3).
 
-    Parameters
-    ----------
-    cut : ShownCut
-        With height.  Without a wanted depth or a layer, their rows lie at the lower face, and are not to be drawn.
-    along, surface : array, shape (n,)
-        Positions from the clamp, and height of the surface there [m].
+    The cut has height; without a wanted depth or a layer, their rows lie at the lower face, and are not to be drawn.
+    Positions are from the clamp, the surface is its height there [m], shape (n,).
     """
     assert cut.floor is not None
     floor = np.maximum(surface - cut.floor.at(along), BOTTOM)
@@ -400,10 +367,7 @@ _UP, _DOWN = 0, 1
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Skin:
-    """Surface or lines of the solid.
-
-    Its vertices as numbers of points, and 3 or 2 vertices for each part.
-    """
+    """Surface or lines of the solid: numbers of its points, and its parts."""
 
     points: Indices
     parts: Indices
@@ -412,17 +376,8 @@ class Skin:
 class SlabSolid:
     """Specimen of a shown cut, as a solid.
 
-    Parameters
-    ----------
-    cut : ShownCut
-
-    Attributes
-    ----------
-    rest : ndarray of shape (n_points, 3)
-        Points without load: across from the cut line, along from the clamp, up from the plane to which a blade at
-        height 0 cuts [m].
-    bottom : float
-        Height of the lower face [m].
+    ``rest`` are its points without load, shape (n_points, 3): across from the cut line, along from the clamp, up from
+    the plane to which a blade at height 0 cuts [m]. ``bottom`` is the height of the lower face [m].
     """
 
     def __init__(self, cut: ShownCut) -> None:
@@ -469,10 +424,7 @@ class SlabSolid:
 
     @cached_property
     def cut_faces(self) -> Skin:
-        """Return both sides of the cut line, ordered from the clamp.
-
-        With height, only the far side.
-        """
+        """Return both sides of the cut line, with height the far one."""
         n = self._number
         if self.cut.height is None:
             return self._in_order([n[:, 0, -1, :], n[:, 1, 0, :]])
@@ -544,10 +496,7 @@ class SlabSolid:
         return np.concatenate(layers)
 
     def front(self, i: int) -> tuple[float, float]:
-        """Return the cut's end in upper and lower face [m].
-
-        That is of tissue at rest; with height 0 below.
-        """
+        """Return the cut's end at rest in upper and lower face [m]."""
         tip = float(self.cut.tip[i])
         if self.cut.height is not None:
             return tip, 0.0
@@ -557,13 +506,8 @@ class SlabSolid:
     def amount(self, i: int, colour: str) -> Array:
         """Return the colouring quantity at the upper lattice, shape (n_lattice,).
 
-        Parameters
-        ----------
-        i : int
-            Instant.
-        colour : {"displacement", "energy"}
-            Displacement of the field [m], without the opening; or strain energy density [J/m3], averaged over the
-            elements that meet at a node, separately on each side of the cut.
+        It is the displacement of the field [m], without the opening, or the strain energy density [J/m3], averaged over
+        the elements that meet at a node, separately on each side of the cut.
         """
         one_of("colour", colour, COLOURINGS)
         field = self.cut.field(i)

@@ -48,15 +48,7 @@ _PLANE: dict[str, Rgb] = {
 
 
 def commands(solid: SlabSolid) -> list[bytes]:
-    """Return commands for the scene's objects, at rest and origin.
-
-    The page moves them.
-
-    Raises
-    ------
-    ImportError
-        If meshcat is not installed.
-    """
+    """Return commands for the scene's objects, at rest and origin."""
     stage = _Stage()
     for name, skin in solid.lattices.items():
         stage.surface(f"tissue/{name}", _of(solid, skin.points, skin.parts), coloured=True)
@@ -75,15 +67,7 @@ def commands(solid: SlabSolid) -> list[bytes]:
 
 
 def curved_commands(solid: CurvedSolid) -> list[bytes]:
-    """Return the commands for a slab with any cuts.
-
-    The page moves the scalpel only.
-
-    Raises
-    ------
-    ImportError
-        If meshcat is not installed.
-    """
+    """Return the commands for a slab with any cuts."""
     stage = _Stage()
     for name in ("top", "bottom", "rim"):
         stage.surface(f"tissue/{name}", solid.skins[name], coloured=solid.colours(solid.skins[name]))
@@ -130,8 +114,6 @@ def _clamp(width: float, bottom: float, edge: float) -> Surface:
 
 
 class _Paint(NamedTuple):
-    """Look of a surface."""
-
     colour: Rgb = (255, 255, 255)
     opacity: float = 1.0
     shininess: float = 12.0
@@ -141,10 +123,7 @@ _WHITE = _Paint()
 
 
 class _Stage:
-    """Objects by path, each packed at once.
-
-    Named instead of meshcat's random ids, so that a page is repeatable.
-    """
+    """Objects by path, packed at once, named so that a page is repeatable."""
 
     def __init__(self) -> None:
         from meshcat import commands, geometry  # an extra, and slow to import
@@ -199,9 +178,7 @@ class _Stage:
             ("head", _HEAD_LENGTH, 0.0, _HEAD_RADIUS),
         ):
             shape = self._geometry.Cylinder(
-                UNITS_PER_METRE * length,
-                radiusTop=UNITS_PER_METRE * top,
-                radiusBottom=UNITS_PER_METRE * bottom,
+                UNITS_PER_METRE * length, radiusTop=UNITS_PER_METRE * top, radiusBottom=UNITS_PER_METRE * bottom
             )
             material = self._geometry.MeshLambertMaterial(color=_number(colour))
             self._object(f"{path}/{part}", self._geometry.Mesh(shape, material))
@@ -228,10 +205,7 @@ class _Stage:
 
 
 class _Key(str):
-    """Name of a property that is kept as written.
-
-    Meshcat calls ``lower()`` on it, which would break ``castShadow``.
-    """
+    """Name of a property that meshcat's ``lower()`` leaves as written."""
 
     def lower(self) -> str:
         return str(self)
@@ -256,9 +230,6 @@ def write_view(path: Path, cut: ShownCut, *, colour: str = "displacement") -> in
 
     Parameters
     ----------
-    path : Path
-        Path of the page (.html).
-    cut : ShownCut
     colour : {"displacement", "energy"}
         Quantity that the tissue's colour shows.
 
@@ -276,10 +247,7 @@ def write_view(path: Path, cut: ShownCut, *, colour: str = "displacement") -> in
     OSError
         If the page cannot be written.
     """
-    document = view_page(cut, colour=one_of("colour", colour, COLOURINGS)).encode("utf-8")
-    with atomic_write(path) as part:
-        part.write_bytes(document)
-    return len(document)
+    return _write(path, view_page(cut, colour=one_of("colour", colour, COLOURINGS)))
 
 
 def view_page(cut: ShownCut, *, colour: str = "displacement") -> str:
@@ -324,7 +292,7 @@ def view_page(cut: ShownCut, *, colour: str = "displacement") -> str:
         "viewer": viewer,
         "player": (_HERE / "player.js").read_text(encoding="utf-8"),
     }
-    return render(_HERE / "view.html", values, filters={"digest": digest})
+    return render(_HERE / "view.html", values, filters={"digest": script_digest})
 
 
 def _told(solid: SlabSolid) -> dict[str, Any]:
@@ -404,9 +372,16 @@ def as_base64(data: bytes) -> str:
     return base64.b64encode(data).decode("ascii")
 
 
-def digest(code: str) -> str:
+def script_digest(code: str) -> str:
     """Return the digest by which a page's policy admits scripts."""
     return as_base64(hashlib.sha256(code.encode()).digest())
+
+
+def _write(path: Path, document: str) -> int:
+    content = document.encode("utf-8")
+    with atomic_write(path) as part:
+        part.write_bytes(content)
+    return len(content)
 
 
 def _rounded(values: Array, digits: int) -> Any:
@@ -416,13 +391,6 @@ def _rounded(values: Array, digits: int) -> Any:
 
 def write_curved_view(path: Path, cut: CurvedCut) -> int:
     """Write the page of a slab along a curve atomically.
-
-    Parameters
-    ----------
-    path : Path
-        Path of the page (.html).
-    cut : CurvedCut
-        Slab that was cut.
 
     Returns
     -------
@@ -436,10 +404,7 @@ def write_curved_view(path: Path, cut: CurvedCut) -> int:
     OSError
         If the page cannot be written.
     """
-    document = curved_page(cut).encode("utf-8")
-    with atomic_write(path) as part:
-        part.write_bytes(document)
-    return len(document)
+    return _write(path, curved_page(cut))
 
 
 def curved_page(cut: CurvedCut) -> str:
@@ -464,4 +429,4 @@ def curved_page(cut: CurvedCut) -> str:
         "viewer": viewer,
         "script": (_HERE / "curved.js").read_text(encoding="utf-8"),
     }
-    return render(_HERE / "curved.html", values, filters={"digest": digest})
+    return render(_HERE / "curved.html", values, filters={"digest": script_digest})
