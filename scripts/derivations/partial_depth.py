@@ -179,11 +179,7 @@ def elements_matter() -> str:
     tips = np.arange(1, ROWS + 1)
     over = coarse[:, -1] / (np.asarray(CutModel().stiffness(tips / 100)) * THICKNESS)
     above = [(str(tips[n]), f"{over[n]:.3f}") for n in (0, 1, 4, 8, 12)]
-    header = (
-        "depth B [mm]",
-        "change of g on bricks of 5 mm, median [%]",
-        f"tips of 1 to {FARTHEST} cm [%]",
-    )
+    header = ("depth B [mm]", "change of g on bricks of 5 mm, median [%]", f"tips of 1 to {FARTHEST} cm [%]")
     return f"{markdown_table(header, lower)}\n\n{markdown_table(('tip [cm]', 'K of bricks over E kappa T g'), above)}"
 
 

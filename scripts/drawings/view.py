@@ -63,10 +63,7 @@ def deep_cut() -> Trace:
 
 def main() -> None:
     """Cut, write the pages, photograph them, and reduce the pictures."""
-    for name, trace, colour in (
-        ("view.png", gentle_cut(), "energy"),
-        ("view-depth.png", deep_cut(), "displacement"),
-    ):
+    for name, trace, colour in (("view.png", gentle_cut(), "energy"), ("view-depth.png", deep_cut(), "displacement")):
         with tempfile.TemporaryDirectory() as folder:
             page, shot = Path(folder) / "view.html", Path(folder) / "view.png"
             write_view(page, ShownCut.of(trace), colour=colour)

@@ -45,9 +45,7 @@ REASONS = {
 HOOKS = {"renew_row", "respond_row"} | {field.name for declaration in (Task, Motion) for field in fields(declaration)}
 """Functions that a task or a motion of the blade declares bear the names of what they are declared as."""
 
-SAME_FILE_NAMES = {
-    "depth": "the depth of cut: measured along records, and wanted by a task",
-}
+SAME_FILE_NAMES = {"depth": "the depth of cut: measured along records, and wanted by a task"}
 """File names that several folders hold, with the reason; ``__init__`` is in every package."""
 
 

@@ -92,10 +92,7 @@ def markdown(checks: Checks, specimens: int) -> str:
 
 
 def run(
-    about: str | None,
-    checks: Checks,
-    argv: Sequence[str] | None,
-    draw: Callable[[Path], None] | None = None,
+    about: str | None, checks: Checks, argv: Sequence[str] | None, draw: Callable[[Path], None] | None = None
 ) -> int:
     """Run the command line of a script that is described by ``about``; return 1 if a promise is not kept."""
     parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)

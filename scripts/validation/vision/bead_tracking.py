@@ -115,12 +115,7 @@ class Followed:
 
 
 def followed(
-    session: Session,
-    calibration: CArmCalibration,
-    rest: Array,
-    covariance: Array,
-    *,
-    fields: bool = False,
+    session: Session, calibration: CArmCalibration, rest: Array, covariance: Array, *, fields: bool = False
 ) -> Followed:
     """Track the beads of a whole cut, and compare with the truth."""
     rate = calibration.frame_rate
