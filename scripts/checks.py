@@ -445,5 +445,4 @@ AGENTS = (
 
 CHECKS = (*THESIS, *PHYSICS, *MEASUREMENT, *RECORDS, *SCORE, *VISION, *RIG, *CLASSES, *SPEED, *AGENTS, *PAGES)
 """All checks, in the order of the page."""
-BLOCKS = {check.block: check for check in CHECKS if check.block}
-"""Check of each generated block."""
+BLOCKS = {check.block: check for check in CHECKS if check.block}  # check of each generated block

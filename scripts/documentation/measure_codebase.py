@@ -36,12 +36,10 @@ from scipy.sparse.csgraph import connected_components
 
 from scripts import ROOT
 
-BEFORE = Path("docs/development/measures-before.json")
-"""Numbers of earlier revisions, relative to the checkout."""
+BEFORE = Path("docs/development/measures-before.json")  # numbers of earlier revisions, relative to the checkout
 PACKAGE = "cutenv"
 RIG = "cutenv.rig"
-CODE = ("cutenv", "agents", "scripts")
-"""Folders whose docstrings and words are counted."""
+CODE = ("cutenv", "agents", "scripts")  # folders whose docstrings and words are counted
 FRAGMENT = re.compile(r"(Of|What|How|Where|Why|Whether|As)\b")
 """Match the first word of a docstring that does not name its subject."""
 WORD = "told"

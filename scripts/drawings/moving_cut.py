@@ -27,8 +27,7 @@ CUTS: Mapping[str, tuple[tuple[str, ...], int]] = {
     "excision": (("excision by force", "ppo-excision"), 3_000_031),
 }
 """Policies that cut side by side, and the seed of the specimen, by name of the picture."""
-EVERY_S = 0.2
-"""Time between two pictures [s], in which GIF can show twice the speed: its unit is 10 ms."""
+EVERY_S = 0.2  # time between two pictures [s], in which GIF can show twice the speed: its unit is 10 ms
 PAUSE_MS = 3000
 WIDTH = 640
 COLOURS = 40

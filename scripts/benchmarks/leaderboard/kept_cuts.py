@@ -23,8 +23,7 @@ DIGITS = {
     "overshoot_mm": 2, "time_s": 1,
 }  # fmt: skip
 """Scores of the headline's cuts, with their digits after the point; no interval is as narrow."""
-EVERY_CLASS = ("return", "success")
-"""Scores of the cuts of the other classes."""
+EVERY_CLASS = ("return", "success")  # scores of the cuts of the other classes
 
 
 @dataclass(frozen=True)

@@ -42,8 +42,7 @@ EARLIER = {
     "wedge": 0.2, "stored": 0.1,
 }  # fmt: skip
 """Weights of the earlier reward's costs; progress had 1."""
-EARLIER_TIP_ERROR = 0.2
-"""Its cost of the tip error at the end, per 3 mm up to 9 mm."""
+EARLIER_TIP_ERROR = 0.2  # its cost of the tip error at the end, per 3 mm up to 9 mm
 
 
 def earlier_return(row: Mapping[str, Any]) -> float:

@@ -45,8 +45,7 @@ from cutenv.sim.tissue.grid import N_POINTS, POINTS_PER_METRE
 from scripts.benchmarks.policies.ladder import TrueTip, rows_of_rung
 from scripts.tables import keep, kept_rows, mean_text
 
-START = "as the script has it"
-"""Name of the first rung."""
+START = "as the script has it"  # name of the first rung
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,8 +54,7 @@ class KnowledgeLadder:
 
     task: str
     rungs: Mapping[str, Callable[[], ArrayPolicy]]
-    errors: tuple[tuple[str, str], ...]
-    """Scores that the task adds [mm]: name and heading."""
+    errors: tuple[tuple[str, str], ...]  # scores that the task adds [mm]: name and heading
 
     @property
     def file(self) -> Path:
@@ -139,8 +137,7 @@ DEPTH_RUNGS: dict[str, Callable[[], FollowDepth]] = {
 }
 
 
-LENGTHS = (0.0053, 0.0055, 0.0029, 0.0011)
-"""Lengths [m] of :func:`~cutenv.agents.policy.third_axis_planners.wanted_bend`, chosen on training specimens."""
+LENGTHS = (0.0053, 0.0055, 0.0029, 0.0011)  # lengths [m] of wanted_bend, chosen on training specimens
 
 
 class PathRung(SteerByForce):

@@ -23,10 +23,8 @@ from cutenv.agents.learning.statistics import by_policy
 from scripts.tables import keep, kept_rows, markdown_table, mean_text
 
 FILE = Path("runs") / "strokes" / "strokes.csv"
-LEAST = 0.001
-"""Distance of a stroke, back and forward again [m]."""
-SEEN_EVERY = 20
-"""Readings between two looks at the place of the blade, 20 ms."""
+LEAST = 0.001  # distance of a stroke, back and forward again [m]
+SEEN_EVERY = 20  # readings between two looks at the place of the blade, 20 ms
 
 
 def return_strokes(position: Array) -> int:

@@ -36,10 +36,8 @@ from cutenv.envs.vector import CutBatch
 from cutenv.task.registry import TASKS
 from scripts.tables import keep_json, kept_json
 
-VARIANTS, BEST = 12, 3
-"""Variants of a generation, and how many of them move the mean."""
-SPECIMENS, JUDGED = 64, 1000
-"""Specimens that each variant cuts, and that the result is judged on."""
+VARIANTS, BEST = 12, 3  # variants of a generation, and how many of them move the mean
+SPECIMENS, JUDGED = 64, 1000  # specimens that each variant cuts, and that the result is judged on
 _LAST = 20  # generations whose means are averaged
 _FIRST_SPREAD, _LAST_SPREAD = 0.15, 0.02  # standard deviation of a number, over its range
 
@@ -73,8 +71,7 @@ class Family:
     """Scripts that differ by their numbers."""
 
     kind: type[PathScript]
-    numbers: Mapping[str, Number]
-    """Its own numbers, besides those along the cut."""
+    numbers: Mapping[str, Number]  # its own numbers, besides those along the cut
 
     @property
     def all_numbers(self) -> dict[str, Number]:

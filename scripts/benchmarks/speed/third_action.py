@@ -17,8 +17,7 @@ from cutenv.task.registry import TASKS
 from scripts.benchmarks.speed.measured import Measured, Number, at_most
 
 COUNT, STEPS, ROUNDS = 1024, 60, 5
-ALLOWED = 2.0
-"""Most times the time of GentleCut-v1 that a decision should take."""
+ALLOWED = 2.0  # most times the time of GentleCut-v1 that a decision should take
 
 ThirdActions = Callable[[np.random.Generator, int], NDArray[np.float64]]
 """Third actions of n cuts in a decision, shape (n,)."""
@@ -40,8 +39,7 @@ class RatesBeside(NamedTuple):
     """Decisions per second; the best of interleaved rounds."""
 
     own: float
-    gentle: float
-    """Those of GentleCut-v1, under the same speed and angle."""
+    gentle: float  # those of GentleCut-v1, under the same speed and angle
 
 
 def seconds_of(batch: CutBatch, actions: list[NDArray[np.float64]]) -> float:

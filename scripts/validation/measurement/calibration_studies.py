@@ -53,8 +53,7 @@ CONDITIONS: dict[str, Callable[[Trace, Specimen, int, int], Trace]] = {
 }
 """Records that are calibrated, made of the virtual rig's, their specimens, and a study's seed and the cut's number."""
 
-Outcome = tuple[float, bool]
-"""A number found over that put in [1], and whether its interval holds that."""
+Outcome = tuple[float, bool]  # a number found over that put in [1], and whether its interval holds that
 
 
 def outcome(tissue: TissueDescription, name: str, put_in: float) -> Outcome:

@@ -24,10 +24,8 @@ from scripts.tables import keep_json, kept_json, markdown_table
 from scripts.validation.measurement.stepped_cuts import DEPTHS, stepped_cut
 
 KEPT = Path("runs") / "layers" / "layers.json"
-CUTS = 6
-"""Number of cuts in a study."""
-SURFACE_ERROR = 0.0003
-"""Error of the depth as measured beforehand, one for each cut [m]."""
+CUTS = 6  # number of cuts in a study
+SURFACE_ERROR = 0.0003  # error of the depth as measured beforehand, one for each cut [m]
 PUT_IN: Mapping[str, Layers] = {
     "one tissue": Layers(),
     "tougher and stiffer from 10 mm": Layers(boundary=0.010, deep_toughness=3.0, deep_modulus=2.0),
@@ -44,8 +42,7 @@ GIVEN: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
     "a capsule of 0.5 mm, ten times as tough": {"its thickness given": {"capsule_thickness": 0.0005}},
 }
 """Numbers that the analysis is told, by what was put in."""
-SHALLOW = (0.002, 0.010, 0.003, 0.006)
-"""Depths of cuts that tell of a capsule [m]."""
+SHALLOW = (0.002, 0.010, 0.003, 0.006)  # depths of cuts that tell of a capsule [m]
 
 
 def cut_in_steps(layers: Layers, study: int, number: int) -> tuple[Trace, list[DepthSection], dict[str, float]]:

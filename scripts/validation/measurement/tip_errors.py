@@ -31,8 +31,7 @@ POLICIES = {
 }
 """Scripts by what they do before the end."""
 CONTROL_HZ = 50
-FAR = 2.0
-"""Error from which a tip counts as far off [mm]."""
+FAR = 2.0  # error from which a tip counts as far off [mm]
 
 
 class Record(NamedTuple):

@@ -52,8 +52,7 @@ VERTICAL: dict[str, Callable[[np.random.Generator], Any]] = {
 """One level each millisecond [m], by name."""
 
 _LEVEL, _DESCENT = 0.016, 0.0015  # at which a pressed blade begins [m], and how fast it goes down [m/s]
-XIS = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
-"""Slice-push ratios: drawn over pressed length [1]."""
+XIS = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # slice-push ratios: drawn over pressed length [1]
 
 LEVEL_TOLERANCE = 0.02
 """Largest difference between work and the integral of the forces, and of the area from that of the floor [1]."""

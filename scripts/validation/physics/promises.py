@@ -80,8 +80,7 @@ def share_row(what: str, shares: Sequence[float], most: float) -> Row:
     return Row(what, f"{100 * min(shares):+.2f} to {100 * max(shares):+.2f} %", "within 2 %", worst <= most)
 
 
-Checks = Mapping[str, Callable[[Sequence[Specimen]], Iterator[Row]]]
-"""Rows of each part, of sampled specimens."""
+Checks = Mapping[str, Callable[[Sequence[Specimen]], Iterator[Row]]]  # rows of each part, of sampled specimens
 
 
 def markdown(checks: Checks, specimens: int) -> str:

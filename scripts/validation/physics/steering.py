@@ -47,8 +47,7 @@ TURNS: dict[str, Callable[[np.random.Generator], Any]] = {
     "aside at once": lambda rng: np.where(np.arange(TICKS) < 10, 0.05, 0.0),
 }
 """One turn each millisecond [rad], by name."""
-TOLERANCE = 0.02
-"""Largest difference between work and the integral of the force [1]."""
+TOLERANCE = 0.02  # largest difference between work and the integral of the force [1]
 _GAIN_ANGLE, _GAIN_DISTANCE = 6.0, 400.0  # of a hand that follows a line [1/s], [1/(m s)]
 
 

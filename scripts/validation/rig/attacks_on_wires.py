@@ -165,8 +165,7 @@ def foreign_bias(scene: Scene) -> None:
     _ask_sensor(scene, RdtCommand.BIAS)
 
 
-STOPPED = (*FRAMES, spoofed_position)
-"""Attacks that have to stop the blade."""
+STOPPED = (*FRAMES, spoofed_position)  # attacks that have to stop the blade
 IGNORED = (
     short_and_long_frames, flood_of_foreign_frames, gateway_full_of_clients, gateway_hears_garbage,
     second_program, foreign_packets_to_us,

@@ -58,10 +58,8 @@ OPENING, POLICIES = 0.040, ("return stroke", "probe and creep")
 """Length of the opening [m], and the policies that take over from it by turns, of the measured places."""
 PLACES_FILE = Path("runs") / "check-sequential" / "places.csv"
 """File of the measured places: return, forecast and forecast of a wrong twin of each."""
-LIBRARY_FILE = PLACES_FILE.with_name("library.json")
-"""File of what the library finds in the same studies."""
-STUDIES = 10_000
-"""Number of simulated studies of each row."""
+LIBRARY_FILE = PLACES_FILE.with_name("library.json")  # file of what the library finds in the same studies
+STUDIES = 10_000  # number of simulated studies of each row
 _DAY = 20  # pairs between changes of a drifting mean
 _AGAIN = 2000  # resampled sets of places
 _TOGETHER = 1000  # studies drawn at a time, to limit memory

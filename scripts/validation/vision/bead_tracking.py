@@ -40,8 +40,7 @@ from scripts.validation.vision.carm_measurement import (
 )
 from scripts.validation.vision.rendering.xray_session import BEAD, Session, exposed
 
-FOLDER = "runs/bead_tracking"
-"""Folder where each part of the measurement is kept, relative to the repository."""
+FOLDER = "runs/bead_tracking"  # folder where each part of the measurement is kept, relative to the repository
 
 
 def known_points(session: Session, calibration: CArmCalibration, rng: np.random.Generator) -> list[Mark]:
@@ -221,8 +220,7 @@ def in_step(session: Session, calibration: CArmCalibration, rest: Array, covaria
     return [f"lag of the force record, from {seconds:.0f} s: {off:+.0f} ms off, correlation {agreement:.2f}"]
 
 
-Part = tuple[list[Mark], list[str]]
-"""Marks and other numbers of one part of the measurement."""
+Part = tuple[list[Mark], list[str]]  # marks and other numbers of one part of the measurement
 
 
 @cache
