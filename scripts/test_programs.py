@@ -86,7 +86,7 @@ class Group:
     npm: tuple[str, ...] = ()
 
 
-GROUPS = {
+GROUPS = {  # programs and files by name
     "chromium": Group(lambda: shutil.which("chromium"), "apt-get install chromium", debian=("chromium",)),
     "firefox": Group(
         lambda: shutil.which("firefox-esr") or shutil.which("firefox"),
@@ -101,7 +101,6 @@ GROUPS = {
         lambda: RECORDS if RECORDS.is_file() else None, "the recorded cuts are not part of the repository: ask for them"
     ),
 }
-"""Programs and files by name."""
 
 
 def missing() -> list[str]:

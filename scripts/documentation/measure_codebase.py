@@ -47,7 +47,7 @@ WORD = "told"
 Measures = dict[str, float | None]
 """Value of each measure by its key in `LABELS`; None where a tool or a file is missing."""
 
-LABELS = {
+LABELS = {  # row label of each measure in the table
     "readme_lines": "README, lines",
     "layers": "layers of the import contract",
     "wings": "packages directly in `cutenv/`",
@@ -80,7 +80,6 @@ LABELS = {
     "pages": "pages in docs",
     "examples": "examples",
 }
-"""Row label of each measure in the table."""
 
 _LOAD = f"""
 import re, sys

@@ -204,7 +204,7 @@ def _fill_bends(states: Array, steerings: Array, lengths: Array, bends: Array) -
         bends[n] = wanted_bend(states[n], steerings[n], lengths)
 
 
-TOLD: dict[str, dict[str, bool]] = {
+TOLD: dict[str, dict[str, bool]] = {  # knowledge that each rung along a line is told, by name
     START: {},
     "true tip along the line": {"tip": True},
     "true distance of the tip to the line": {"aside": True},
@@ -216,7 +216,6 @@ TOLD: dict[str, dict[str, bool]] = {
     "that, but for the distance to the line": {"rule": True},
     "the planner's rule, with the true tip for the stop": {"aside": True, "rule": True, "stop": True},
 }
-"""Knowledge that each rung along a line is told, by name."""
 
 
 def path_rungs(numbers: Mapping[str, float]) -> dict[str, Callable[[], SteerByForce]]:

@@ -21,7 +21,7 @@ ALLOWED = 2.0  # most times the time of GentleCut-v1 that a decision should take
 
 ThirdActions = Callable[[np.random.Generator, int], NDArray[np.float64]]
 """Third actions of n cuts in a decision, shape (n,)."""
-MOTIONS: dict[str, dict[str, ThirdActions]] = {
+MOTIONS: dict[str, dict[str, ThirdActions]] = {  # motions of each task by name; lines of all kinds are cut along
     "depth": {
         "at a constant level": lambda rng, count: np.zeros(count),
         "at random": lambda rng, count: rng.uniform(-1.0, 1.0, count),
@@ -32,7 +32,6 @@ MOTIONS: dict[str, dict[str, ThirdActions]] = {
         "turning at random": lambda rng, count: rng.uniform(-1.0, 1.0, count),
     },
 }
-"""Motions of each task by name; lines of all kinds are cut along."""
 
 
 class RatesBeside(NamedTuple):

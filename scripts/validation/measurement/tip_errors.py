@@ -24,12 +24,11 @@ from cutenv.records.scoring.scored_cut import ScoredCut
 from cutenv.sim.plant import to_trace
 from cutenv.sim.trace import Trace
 
-POLICIES = {
+POLICIES = {  # scripts by what they do before the end
     "constant feed": "constant 1.65 cm/s 45 deg",
     "one return stroke": "return stroke",
     "probe and creep": "probe and creep",
 }
-"""Scripts by what they do before the end."""
 CONTROL_HZ = 50
 FAR = 2.0  # error from which a tip counts as far off [mm]
 

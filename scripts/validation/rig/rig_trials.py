@@ -135,24 +135,22 @@ _OF_GRBL: dict[str, tuple[Cause, ...]] = {
     "board_restart": (Cause.FORCE_STALE, Cause.FORCE_STATUS, Cause.FORCE_LOST),
     "board_mute": (Cause.FORCE_STALE,),
 }
-EXPECTED_OF_GRBL: dict[str, tuple[Cause, ...]] = {
+EXPECTED_OF_GRBL: dict[str, tuple[Cause, ...]] = {  # causes as which the faults of a rig with GRBL may be detected
     **_OF_GRBL,
     **{fault: causes for fault, causes in EXPECTED_OF_SERIAL.items() if fault.startswith("cell_")},
     "over_force": EXPECTED["over_force"],
     "blocked": (),
     **{fault: EXPECTED[fault] for fault in OWN},
 }
-"""Causes as which the faults of a rig with GRBL may be detected."""
 WITH = {"cancel_ignored": "over_force"}
 """Faults that only show when the blade is stopped, and what is injected with each for that."""
 UNKNOWABLE = ("slip", "blocked", "feed_hold", "grbl_doubled_lines")
 """Faults that nothing here can detect: the carriage stands, or moves less than commanded.  GRBL goes on after a feed
 hold with the next jogs; a report of its that comes twice is as true as the first, and does no harm."""
-SPOILS = (
+SPOILS = (  # faults after which a rig is set up anew: nobody knows where its carriage is, or its port has gone
     "slip", "blocked", "cable_out", "board_restart", "grbl_cable_out", "grbl_restart", "grbl_alarm", "board_cable_out",
     "cancel_ignored",
 )  # fmt: skip
-"""Faults after which a rig is set up anew: nobody knows where its carriage is, or its port has gone."""
 BY_THE_DRIVE = (
     "bus_off", "power_loss", "kill_9", "cable out", "power loss", "cable_out", "board_deaf", "board_restart",
     "stop_button", "limit_switch", "grbl_cable_out", "grbl_deaf", "grbl_alarm", "grbl_restart",

@@ -175,7 +175,7 @@ class MapTask(NamedTuple):
     further: Mapping[str, Callable[[], Any]] = {}  # those who cut besides planner and scripts
 
 
-MAP_TASKS = {
+MAP_TASKS = {  # tasks along a wanted depth, and along a line
     "depth": MapTask(
         depth_cut,
         {
@@ -193,7 +193,6 @@ MAP_TASKS = {
         "off_line", "too far from the line",
     ),
 }  # fmt: skip
-"""Tasks along a wanted depth, and along a line."""
 
 
 def measure_map(name: str, specimens: int) -> list[dict[str, Any]]:
@@ -332,10 +331,9 @@ def every(step: int) -> Callable[[Trace], Trace]:
 
 
 AS_IT_IS = "1000 Hz"
-RATES: Mapping[str, Callable[[Trace], Trace]] = {
+RATES: Mapping[str, Callable[[Trace], Trace]] = {  # honest records, read at other rates
     AS_IT_IS: every(1), "200 Hz": every(5), "100 Hz": every(10), "33 Hz": every(30)
 }  # fmt: skip
-"""Honest records, read at other rates."""
 CHANGES: Mapping[str, Callable[[Trace], Trace]] = {
     **{f"position smoothed over {ms} ms": with_smooth_position(ms) for ms in (20, 30, 50)},
     **{f"clock faster by a factor of {factor}": with_fast_clock(factor) for factor in (2, 1.5, 1.3, 1.2)},
