@@ -136,16 +136,11 @@ def _sentence(reach: float) -> str:
     return f"Fitted reach: {1e3 * reach:.2f} mm; in use: {1e3 * LAYER_REACH:.2f} mm."
 
 
-def main() -> int:
-    """Fit and print; return 1 if the reach in use is another one."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.parse_args()
     rows, reach = table()
     for name, part, error in rows:
         print(f"{name:88s}{part:10s}{error}")
     print(_sentence(reach))
-    return int(abs(reach - LAYER_REACH) > _ROUNDED)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(int(abs(reach - LAYER_REACH) > _ROUNDED))

@@ -101,8 +101,7 @@ def show_fit() -> None:
     print(f"It misses {tips.x.size} stored tips, along, coupled, across, by {root_mean_square} of kappa (rms).")
 
 
-def main() -> None:
-    """Write if requested, then print."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--write", action="store_true", help="write assets/derived/lines.json")
     parser.add_argument("--fit", action="store_true", help="write assets/derived/place_model.json")
@@ -113,7 +112,3 @@ def main() -> None:
         place_model.store_numbers(fitted())
     show()
     show_fit()
-
-
-if __name__ == "__main__":
-    main()

@@ -117,12 +117,7 @@ def mark(axes: Axes, x: np.ndarray, force: np.ndarray, tip: np.ndarray) -> None:
     axes.annotate("only friction", (x[turn:].min() + 1.5, force[turn:].min()), (20, -0.2), arrowprops=arrow)
 
 
-def main() -> None:
-    """Draw both."""
+if __name__ == "__main__":
     with plt.rc_context(STYLE):
         draw_geometry()
         draw_law()
-
-
-if __name__ == "__main__":
-    main()

@@ -64,8 +64,7 @@ def report(rows: Sequence[Mapping[str, Any]]) -> str:
     return f"{table}\n\n{len(rows) // len(lines)} held-out specimens of class mixed; mean [95 % interval]."
 
 
-def main() -> None:
-    """Run the command line."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("policies", nargs="*", metavar="POLICY", help="names of policies, or folders of them")
     parser.add_argument("--specimens", type=int, default=500, metavar="N", help="held-out specimens; default 500")
@@ -76,7 +75,3 @@ def main() -> None:
             parser.error("name a policy, such as 'return stroke', or give --print")
         keep(FILE, measure(arguments.policies, arguments.specimens))
     print(report(kept_rows(FILE, "scripts.benchmarks.policies.return_strokes POLICY ...")), flush=True)
-
-
-if __name__ == "__main__":
-    main()

@@ -96,14 +96,9 @@ def report(studies: int = STUDIES, seed: int = SEED) -> str:
     return f"{markdown_table(header, rows)}\n\n{studies} studies of {LIVERS} livers, {LIVERS * 14} cuts each."
 
 
-def main() -> None:
-    """Cut, calibrate, print."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--studies", type=int, default=STUDIES)
     parser.add_argument("--seed", type=int, default=SEED, help="one less than that of the first study")
     arguments = parser.parse_args()
     print(report(arguments.studies, arguments.seed))
-
-
-if __name__ == "__main__":
-    main()

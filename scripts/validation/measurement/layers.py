@@ -160,8 +160,7 @@ def layer_table(kept: Mapping[str, Any]) -> str:
     )
 
 
-def main() -> None:
-    """Run the command line."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--studies", type=int, default=40, metavar="N", help="studies of each kind; default 40")
     parser.add_argument("--print", action="store_true", help="print the kept tables without measuring again")
@@ -171,7 +170,3 @@ def main() -> None:
     if not arguments.print:
         keep_json(KEPT, measure(arguments.studies))
     print(tables(kept_json(KEPT, "scripts.validation.measurement.layers")))
-
-
-if __name__ == "__main__":
-    main()

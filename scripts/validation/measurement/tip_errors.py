@@ -97,13 +97,8 @@ def report(specimens: int = 200) -> str:
     return "\n".join(lines)
 
 
-def main() -> None:
-    """Run the command line."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--specimens", type=int, default=200, metavar="N", help="held-out specimens; default 200")
     arguments = parser.parse_args()
     print(report(arguments.specimens), flush=True)
-
-
-if __name__ == "__main__":
-    main()

@@ -82,8 +82,7 @@ def table(kept: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def main() -> None:
-    """Run all series, and print the table."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--series", type=int, default=20, metavar="N", help="series of each row; default 20")
     parser.add_argument("--json", type=Path, metavar="FILE", help=f"keep the rows there; the page has {DEFAULT}")
@@ -95,7 +94,3 @@ def main() -> None:
     print(table(found))
     if arguments.json is not None:
         keep_json(arguments.json, found)
-
-
-if __name__ == "__main__":
-    main()

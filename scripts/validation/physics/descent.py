@@ -300,13 +300,8 @@ def markdown() -> str:
     return promises.markdown(CHECKS, 4)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Check and print; return 1 if a promise is not kept."""
-    if (sys.argv[1:] if argv is None else list(argv)) == ["--slice-push"]:
-        print(slice_push())
-        return 0
-    return run(__doc__, CHECKS, argv)
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    if sys.argv[1:] == ["--slice-push"]:
+        print(slice_push())
+    else:
+        sys.exit(run(__doc__, CHECKS))

@@ -90,18 +90,14 @@ def markdown(checks: Checks, specimens: int) -> str:
     return markdown_table(("what", "found", "promised"), rows)
 
 
-def run(
-    about: str | None, checks: Checks, argv: Sequence[str] | None, draw: Callable[[Path], None] | None = None
-) -> int:
+def run(about: str | None, checks: Checks, draw: Callable[[Path], None] | None = None) -> int:
     """Run the command line of a script that is described by ``about``; return 1 if a promise is not kept."""
     parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--specimens", type=int, default=4, metavar="N", help="default 4")
     parser.add_argument("--only", nargs="+", choices=checks, default=[*checks], metavar="PART", help=", ".join(checks))
     if draw is not None:
         parser.add_argument("--picture", type=Path, metavar="FILE", help="draw a cut into a PNG or SVG instead")
-    arguments = parser.parse_args(argv)
-    if arguments.specimens < 1:
-        parser.error(f"--specimens {arguments.specimens} is less than 1")
+    arguments = parser.parse_args()
     if draw is not None and arguments.picture is not None:
         draw(arguments.picture)
         return 0

@@ -273,10 +273,5 @@ def markdown() -> str:
     return promises.markdown(CHECKS, 2)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Check and print; return 1 if a promise is not kept."""
-    return run(__doc__, CHECKS, argv, draw)
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run(__doc__, CHECKS, draw))

@@ -315,12 +315,7 @@ def table(draw: str = "published", each: int = EACH, clean: int = CLEAN) -> str:
     return "\n".join(lines)
 
 
-def main() -> None:
-    """Print the table."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--draw", choices=DRAWS, default="published")
     print(table(parser.parse_args().draw))
-
-
-if __name__ == "__main__":
-    main()

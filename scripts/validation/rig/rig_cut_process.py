@@ -140,11 +140,6 @@ def cut_until_stopped(ready: dict[str, Any], seed: int, tell: Callable[[dict[str
         rig.close()
 
 
-def main() -> None:
-    """Cut in a child process."""
+if __name__ == "__main__":
     ready, seed = sys.argv[1:]
     cut_until_stopped(json.loads(ready), int(seed), lambda told: print(json.dumps(told), flush=True))
-
-
-if __name__ == "__main__":
-    main()

@@ -85,8 +85,7 @@ def table(kept: dict[str, Any]) -> str:
     return markdown_table(header, [[str(row[name]) for name in header] for row in kept["rows"]])
 
 
-def main() -> None:
-    """Run the trials and print the table."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=RUNS, metavar="N", help=f"runs of each row; default {RUNS}")
     parser.add_argument("--json", type=Path, metavar="FILE", help="file for the counts")
@@ -95,7 +94,3 @@ def main() -> None:
     if arguments.json is not None:
         keep_json(arguments.json, found)
     print(table(found))
-
-
-if __name__ == "__main__":
-    main()

@@ -316,8 +316,7 @@ def kept_markdown() -> str:
     return markdown(marks, lines)
 
 
-def main() -> int:
-    """Measure, print, and keep; return 1 if a mark is missed."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--part", choices=PARTS, help="measure this part alone")
     parser.add_argument("--out", type=Path, default=Path(FOLDER), metavar="FOLDER", help="where the parts are kept")
@@ -329,8 +328,4 @@ def main() -> int:
         print(markdown(marks, lines), flush=True)
         met &= all(mark.met for mark in marks)
         keep_json(arguments.out / f"{name}.json", {"marks": [asdict(mark) for mark in marks], "lines": lines})
-    return int(not met)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(int(not met))
