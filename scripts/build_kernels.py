@@ -374,8 +374,7 @@ def machine_code(llvm: Any, module: Any, machine: Any, symbols: dict[str, str]) 
         raise SystemExit(f"build_kernels: kernels call {', '.join(unknown)}: would it be the same on every machine?")
     for symbol, name in symbols.items():
         module.get_function(symbol).name = name
-    content: bytes = machine.emit_object(module)
-    return content
+    return machine.emit_object(module)
 
 
 def _optimise(llvm: Any, module: Any, machine: Any, vectorise: bool) -> None:

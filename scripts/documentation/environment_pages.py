@@ -24,8 +24,7 @@ def environment_class(environment_id: str) -> type:
     """Return the class that ``gymnasium.make`` of this id makes."""
     entry_point = str(gymnasium.spec(environment_id).entry_point)
     module, _, name = entry_point.partition(":")
-    found: type = getattr(importlib.import_module(module), name)
-    return found
+    return getattr(importlib.import_module(module), name)
 
 
 def pages() -> Iterator[tuple[str, str]]:

@@ -176,8 +176,7 @@ def kept(path: Path) -> dict[str, Measures]:
             f"{path} is missing; make it by: python -m scripts.documentation.measure_codebase "
             f"--at REVISION --json {path}"
         )
-    columns: dict[str, Measures] = json.loads(path.read_text(encoding="utf-8"))
-    return columns
+    return json.loads(path.read_text(encoding="utf-8"))
 
 
 def layer_count(root: Path) -> int | None:

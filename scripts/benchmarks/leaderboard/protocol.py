@@ -87,5 +87,4 @@ def kept_protocol(folder: Path) -> Protocol:
 
 def content_of(protocol: Protocol) -> dict[str, Any]:
     """Return the content of protocol.json."""
-    content: dict[str, Any] = json.loads(json.dumps(dataclasses.asdict(protocol)))
-    return content
+    return json.loads(json.dumps(dataclasses.asdict(protocol)))

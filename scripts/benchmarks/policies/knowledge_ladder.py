@@ -123,8 +123,7 @@ class DepthRung(FollowDepth):
         """Return the levels of the surface [m] at these points."""
         if not self._true_surface:
             return super().surfaces(point)
-        levels: Array = self._batch.cuts.motions["surface"][np.arange(len(point)), point]
-        return levels
+        return self._batch.cuts.motions["surface"][np.arange(len(point)), point]
 
 
 DEPTH_RUNGS: dict[str, Callable[[], FollowDepth]] = {

@@ -98,6 +98,8 @@ def run(about: str | None, checks: Checks, draw: Callable[[Path], None] | None =
     if draw is not None:
         parser.add_argument("--picture", type=Path, metavar="FILE", help="draw a cut into a PNG or SVG instead")
     arguments = parser.parse_args()
+    if arguments.specimens < 1:
+        parser.error(f"--specimens {arguments.specimens} is less than 1")
     if draw is not None and arguments.picture is not None:
         draw(arguments.picture)
         return 0

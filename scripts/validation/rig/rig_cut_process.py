@@ -56,8 +56,7 @@ class CutProcess:
                 raise RigError("the process that cuts prints nothing any more; the reason is printed above.")
             self._read += read
         line, _, self._read = self._read.partition(b"\n")
-        told: dict[str, Any] = json.loads(line)
-        return told
+        return json.loads(line)
 
     def end(self) -> None:
         """End the process, whatever it is doing."""

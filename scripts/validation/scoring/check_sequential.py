@@ -129,8 +129,7 @@ def _t(found: Array) -> Array:
     n = np.arange(1, found.shape[1] + 1)
     mean = np.cumsum(found, axis=1) / n
     variance = np.maximum(np.cumsum(found**2, axis=1) / n - mean**2, 1e-12) * n / np.maximum(n - 1, 1)
-    t: Array = mean / np.sqrt(variance / n)
-    return t
+    return mean / np.sqrt(variance / n)
 
 
 def decision_rows(studies: int) -> list[list[str]]:
