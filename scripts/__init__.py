@@ -2,5 +2,4 @@
 
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
-"""Folder of the checkout."""
+ROOT = Path(__file__).resolve().parents[1]  # folder of the checkout

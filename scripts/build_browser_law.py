@@ -117,8 +117,7 @@ def compiled(code: str) -> bytes:
     tuning.loop_vectorization = tuning.slp_vectorization = False
     builder: Any = llvm.create_pass_builder(machine, tuning)
     builder.getModulePassManager().run(module, builder)
-    content: bytes = machine.emit_object(module)
-    return content
+    return machine.emit_object(module)
 
 
 def _parsed(llvm: Any, code: str) -> Any:

@@ -37,18 +37,13 @@ BINDING = Path(__file__).with_name("kernels") / "binding.c"
 class Target:
     """A system that kernels are built for."""
 
-    triple: str
-    """LLVM's name of it."""
-    zig: str
-    """ziglang's name of it."""
-    file: str
-    """Name of the library, as Python looks for it."""
-    tag: str
-    """Platform of a wheel's name."""
+    triple: str  # LLVM's name of it
+    zig: str  # ziglang's name of it
+    file: str  # name of the library, as Python looks for it
+    tag: str  # platform of a wheel's name
     levels: tuple[str, ...]
     """Processors, the least first, each with LLVM's features of it behind a comma; the binding takes the best."""
-    options: tuple[str, ...] = ()
-    """Options of the linker."""
+    options: tuple[str, ...] = ()  # options of the linker
 
 
 # Rows of cuts are long: AVX-512 pays in its full width.
@@ -379,8 +374,7 @@ def machine_code(llvm: Any, module: Any, machine: Any, symbols: dict[str, str]) 
         raise SystemExit(f"build_kernels: kernels call {', '.join(unknown)}: would it be the same on every machine?")
     for symbol, name in symbols.items():
         module.get_function(symbol).name = name
-    content: bytes = machine.emit_object(module)
-    return content
+    return machine.emit_object(module)
 
 
 def _optimise(llvm: Any, module: Any, machine: Any, vectorise: bool) -> None:

@@ -88,7 +88,7 @@ def speed(page: str, block: str, promise: str, minutes: float, *parts: str) -> C
     return Check(f"speed: {block}", promise, " ".join(run), minutes, page, block, prints, run)
 
 
-PAGES = (
+PAGES = (  # blocks that are printed from the package, and tests
     updated("docs/reference/constants.md", "parameters",
           "every constant of tissue, law, drive, sensor and task, with provenance",
           "scripts.documentation.reference_blocks:parameters"),
@@ -128,9 +128,8 @@ PAGES = (
           "tests/emulation", None, "docs/development/testing.md", long=True),
     Check("bits: of results", "results keep every bit", "scripts.digests --check", 1.5, "docs/development/testing.md"),
 )  # fmt: skip
-"""Blocks that are printed from the package, and tests."""
 
-THESIS = (
+THESIS = (  # the thesis beside the model, and programs that derive its constants
     Check("thesis: agreement", "the thesis's numbers, and independent calculations, beside ours",
           "scripts.validation.thesis.reproduce_thesis", 5, "docs/validation/agreement.md", "agreement",
           "scripts.documentation.program_blocks:agreement", long=True),
@@ -155,9 +154,8 @@ THESIS = (
           "scripts.derivations.layers", 5, "docs/validation/descent.md", "layers-fit",
           "scripts.derivations.layers:markdown"),
 )  # fmt: skip
-"""The thesis beside the model, and programs that derive its constants."""
 
-PHYSICS = (
+PHYSICS = (  # the cutting law and its models
     Check("physics: up and down",
           "energy, limit cases, and layers against bricks, where the blade also moves up and down",
           "scripts.validation.physics.descent", 5, "docs/validation/descent.md", "descent",
@@ -187,9 +185,8 @@ PHYSICS = (
     Check("bits: in the browser", "a thousand cuts in WebAssembly are Python's to the last bit",
           "scripts.validation.physics.browser_law", 5, "docs/how-to/browser.md", long=True),
 )  # fmt: skip
-"""The cutting law and its models."""
 
-MEASUREMENT = (
+MEASUREMENT = (  # properties of tissue, measured from records of virtual cuts
     Check("measurement: recovery", "resistance, moduli, friction and loss come back from records, by length of cut",
           "scripts.validation.measurement.recovery", 2, "docs/validation/calibration.md", long=True),
     Check("measurement: calibration", "calibrated values of virtual livers beside the true ones",
@@ -212,9 +209,8 @@ MEASUREMENT = (
           "scripts.validation.measurement.tip_errors", 2, "docs/concepts/task.md", "tip-errors",
           "scripts.validation.measurement.tip_errors:report"),
 )  # fmt: skip
-"""Properties of tissue, measured from records of virtual cuts."""
 
-RECORDS = (
+RECORDS = (  # files of records, and those of real cuts
     Check("records: damaged, and of other programs",
           "a damaged file is read or refused with line and fix, never guessed",
           "scripts.validation.records.record_trials", None, "docs/reference/files/records.md", long=True),
@@ -229,9 +225,8 @@ RECORDS = (
           "scripts.validation.records.expert_ratings", 0.5, "docs/validation/real-cuts.md", "expert-ratings",
           "scripts.validation.records.expert_ratings:report"),
 )  # fmt: skip
-"""Files of records, and those of real cuts."""
 
-SCORE = (
+SCORE = (  # scores, and decisions by them
     Check("score: agreement with the task", "a better cut has the higher score: scripts, agents, planner and people",
           "scripts.validation.scoring.check_score --hand", 30, "docs/validation/score.md", "check-score",
           "scripts.validation.scoring.check_score:kept_report"),
@@ -267,9 +262,8 @@ SCORE = (
           "sequential-library", "scripts.validation.scoring.check_sequential:library_table",
           kept="runs/check-sequential/library.json"),
 )  # fmt: skip
-"""Scores, and decisions by them."""
 
-VISION = (
+VISION = (  # measurement by images, on rendered ones
     Check("vision: depth of cut", "errors of depth on rendered films, and of R with it",
           "scripts.validation.vision.depth_accuracy", 10, "docs/validation/depth.md", "depth",
           "scripts.validation.vision.depth_accuracy:report", kept="runs/depth_accuracy.json", long=True),
@@ -284,7 +278,6 @@ VISION = (
           "scripts.validation.vision.bead_tracking", 15, "docs/validation/beads.md", "bead-tracking",
           "scripts.validation.vision.bead_tracking:kept_markdown", long=True),
 )  # fmt: skip
-"""Measurement by images, on rendered ones."""
 
 
 def rig_faults(page: str, kind: str, rig: str) -> Check:
@@ -297,7 +290,7 @@ def rig_faults(page: str, kind: str, rig: str) -> Check:
     return Check(f"rig: faults of {rig}", promise, run, 15, page, block, prints, kept=file, long=True)
 
 
-RIG = (
+RIG = (  # rigs, in real time on an emulator
     rig_faults("docs/rig/what-stops-it.md", "", "drives on a bus"),
     rig_faults("docs/rig/what-stops-it.md", "height", "a height axis"),
     rig_faults("docs/rig/what-stops-it.md", "side", "an axis to the side"),
@@ -321,9 +314,8 @@ RIG = (
     Check("rig: emulated haptic device", "a device of Force Dimension, emulated by its SDK's functions",
           "scripts.validation.rig.emulated_force_dimension", None, "docs/how-to/haptic-devices.md"),
 )  # fmt: skip
-"""Rigs, in real time on an emulator."""
 
-CLASSES = (
+CLASSES = (  # a class and its browsers
     Check("class: load", "what a server loses that is overloaded, killed and sent nonsense",
           "scripts.validation.classroom.class_load --json runs/class-load.json", 15, "docs/validation/class-server.md",
           "class-load", "scripts.validation.classroom.class_load:markdown", kept="runs/class-load.json", long=True),
@@ -334,9 +326,8 @@ CLASSES = (
           "scripts.validation.classroom.page_in_browsers --json runs/measure_page.json", 5, "docs/how-to/browser.md",
           "browser-page", "scripts.validation.classroom.page_in_browsers:markdown", kept="runs/measure_page.json"),
 )  # fmt: skip
-"""A class and its browsers."""
 
-SPEED = (
+SPEED = (  # speed
     speed("docs/results/speed.md", "speed", "speed of every part, beside something run in the same process", 10),
     speed("docs/results/path-cut.md", "path-speed", "speed of a batch along a line, beside GentleCut-v1", 1, "path"),
     speed("docs/validation/descent.md", "descent-speed", "speed of the law up and down, beside GentleCut-v1", 1,
@@ -350,9 +341,8 @@ SPEED = (
     Check("speed: wheel", "size, first use and results of a wheel beside Numba's", "scripts.try_wheel WHEEL", None,
           "docs/results/speed.md", "wheel", "scripts.try_wheel:kept"),
 )  # fmt: skip
-"""Speed."""
 
-AGENTS = (
+AGENTS = (  # agents, scripts and planners
     Check("agents: training", "what the training command reaches, one run for each seed", "cutenv train", 4,
           "docs/results/training.md", "training", "scripts.documentation.training_blocks:training"),
     updated("README.md", "results", "agent, best script and planner in short",
@@ -441,9 +431,7 @@ AGENTS = (
           "scripts.benchmarks.policies.slow_rig_agents --train --on-rig 6", 45, "docs/results/slow-rig.md",
           "slow-rig-agents", "scripts.benchmarks.policies.slow_rig_agents:markdown", kept="runs/slow-rig/table.json"),
 )  # fmt: skip
-"""Agents, scripts and planners."""
 
 CHECKS = (*THESIS, *PHYSICS, *MEASUREMENT, *RECORDS, *SCORE, *VISION, *RIG, *CLASSES, *SPEED, *AGENTS, *PAGES)
 """All checks, in the order of the page."""
-BLOCKS = {check.block: check for check in CHECKS if check.block}
-"""Check of each generated block."""
+BLOCKS = {check.block: check for check in CHECKS if check.block}  # check of each generated block

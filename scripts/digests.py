@@ -522,8 +522,7 @@ def differences(found: Mapping[str, str], kept: Mapping[str, str]) -> list[str]:
 
 def read() -> dict[str, dict[str, dict[str, str]]]:
     """Return the committed digests by "full" or "quick", then by "portable" or "here", then by name."""
-    kept: dict[str, dict[str, dict[str, str]]] = json.loads(FILE.read_text(encoding="utf-8"))
-    return kept
+    return json.loads(FILE.read_text(encoding="utf-8"))
 
 
 def chosen_groups(only: Iterable[str] | None) -> list[str]:

@@ -41,13 +41,8 @@ def release_notes(changelog: str, tag: str, version: str) -> str:
     return text
 
 
-def main() -> None:
-    """Print the notes."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("tag", help="v0.1.0 or 0.1.0")
     changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     print(release_notes(changelog, parser.parse_args().tag, package_version()))
-
-
-if __name__ == "__main__":
-    main()

@@ -18,8 +18,7 @@ from scripts import ROOT
 KEPT = ROOT / "tests" / "times.csv"
 LEAST = 1.0  # shorter tests are kept in their folder's sum alone [s]
 SHOWN = 20
-Seconds = tuple[float, float]
-"""Seconds of processors, and of the clock on the wall."""
+Seconds = tuple[float, float]  # seconds of processors, and of the clock on the wall
 
 
 def summed(cases: Mapping[str, Seconds]) -> dict[str, Seconds]:

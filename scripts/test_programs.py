@@ -21,12 +21,9 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
-NPM = ROOT / ".npm"
-"""Folder into which npm's packages are installed; git ignores it."""
-RECORDS = ROOT.parent / "shared" / "data" / "scalpel_excision_forces.csv"
-"""Recorded cuts of others."""
-PATIENCE_S = 900
-"""Longest time that an installer may take [s]."""
+NPM = ROOT / ".npm"  # folder into which npm's packages are installed; git ignores it
+RECORDS = ROOT.parent / "shared" / "data" / "scalpel_excision_forces.csv"  # recorded cuts of others
+PATIENCE_S = 900  # longest time that an installer may take [s]
 
 
 def npm_file(name: str) -> Path | None:
@@ -83,15 +80,13 @@ def own_postgresql() -> Iterator[str]:
 class Group:
     """Tests that need one program or file."""
 
-    found: Callable[[], object]
-    """Return the program, or None."""
-    cure: str
-    """Command that brings it."""
+    found: Callable[[], object]  # return the program, or None
+    cure: str  # command that brings it
     debian: tuple[str, ...] = ()
     npm: tuple[str, ...] = ()
 
 
-GROUPS = {
+GROUPS = {  # programs and files by name
     "chromium": Group(lambda: shutil.which("chromium"), "apt-get install chromium", debian=("chromium",)),
     "firefox": Group(
         lambda: shutil.which("firefox-esr") or shutil.which("firefox"),
@@ -106,7 +101,6 @@ GROUPS = {
         lambda: RECORDS if RECORDS.is_file() else None, "the recorded cuts are not part of the repository: ask for them"
     ),
 }
-"""Programs and files by name."""
 
 
 def missing() -> list[str]:

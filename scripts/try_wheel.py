@@ -71,8 +71,7 @@ def main() -> int:
     return int(not same)
 
 
-Line = tuple[str, bool]
-"""A line, and whether it tells of nothing wrong."""
+Line = tuple[str, bool]  # a line, and whether it tells of nothing wrong
 
 
 def _sizes(venv: Path) -> Iterator[Line]:

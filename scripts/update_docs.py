@@ -28,8 +28,7 @@ def update(name: str, *runs: str, check: bool) -> None:
         raise SystemExit(f"{BLOCKS[name].page}: not what python -m scripts.update_docs {name} prints")
 
 
-def main() -> None:
-    """Rewrite, check or list blocks."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("blocks", nargs="*", choices=[*BLOCKS, []], metavar="BLOCK", help=", ".join(BLOCKS))
     parser.add_argument("--runs", nargs="+", default=[], help="folders of the runs to quote, for training one a seed")
@@ -40,7 +39,3 @@ def main() -> None:
         print(f"{name:<22} {each.page:<38} {each.command}")
     for name in arguments.blocks:
         update(name, *(arguments.runs if name == "training" else ()), check=arguments.check)
-
-
-if __name__ == "__main__":
-    main()

@@ -199,8 +199,7 @@ class Browser:
             assert part, "the browser ended"
             self._unread += part
         message, _, self._unread = self._unread.partition(b"\0")
-        heard: dict[str, Any] = json.loads(message)
-        return heard
+        return json.loads(message)
 
 
 def _number(key: str) -> int:

@@ -27,7 +27,7 @@ from scripts.tables import markdown_table
 
 Array = NDArray[np.float64]
 
-FITTED = (
+FITTED = (  # slabs to which the reach is fitted
     Layers(capsule_thickness=0.5e-3, capsule_modulus=3.0),
     Layers(capsule_thickness=1e-3, capsule_modulus=10.0),
     Layers(capsule_thickness=2e-3, capsule_modulus=3.0),
@@ -37,8 +37,7 @@ FITTED = (
     Layers(boundary=0.015, deep_modulus=0.3),
     Layers(boundary=0.019, deep_modulus=5.0),
 )
-"""Slabs to which the reach is fitted."""
-HELD_OUT = tuple(
+HELD_OUT = tuple(  # slabs that the fit has not seen
     layers
     for layers in (
         *(Layers(capsule_thickness=t, capsule_modulus=m) for t, m in itertools.product((0.5e-3, 1e-3, 2e-3), (3, 10))),
@@ -51,7 +50,6 @@ HELD_OUT = tuple(
     )
     if layers not in FITTED
 )
-"""Slabs that the fit has not seen."""
 _SHALLOWEST = 2  # index of the first border from which depths are compared, 1 mm
 _ROUNDED = 1e-4  # the reach in use is the fitted one to this [m]
 
@@ -138,16 +136,11 @@ def _sentence(reach: float) -> str:
     return f"Fitted reach: {1e3 * reach:.2f} mm; in use: {1e3 * LAYER_REACH:.2f} mm."
 
 
-def main() -> int:
-    """Fit and print; return 1 if the reach in use is another one."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.parse_args()
     rows, reach = table()
     for name, part, error in rows:
         print(f"{name:88s}{part:10s}{error}")
     print(_sentence(reach))
-    return int(abs(reach - LAYER_REACH) > _ROUNDED)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(int(abs(reach - LAYER_REACH) > _ROUNDED))

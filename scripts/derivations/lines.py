@@ -31,8 +31,7 @@ from cutenv.sim.tissue.grid import N_POINTS, SPACING
 from cutenv.sim.tissue.lines import length_within
 from cutenv.sim.tissue.place_model import TipStiffness, along_whole_line, stiffness_by_place
 
-START = (1.8, 0.07, 0.3, 0.7, 1.0, -0.2, 0.2)
-"""Numbers of the place model from which the fit starts."""
+START = (1.8, 0.07, 0.3, 0.7, 1.0, -0.2, 0.2)  # numbers of the place model from which the fit starts
 
 
 def show() -> None:
@@ -60,14 +59,10 @@ def show() -> None:
 class Tips(NamedTuple):
     """Tips of all stored lines within the length that each has in the slab."""
 
-    x: Any
-    """Place along the slab [m], shape (n,)."""
-    y: Any
-    """Place across the slab [m], shape (n,)."""
-    kappa: Any
-    """Stiffness along a straight cut as long as the tip is far from the clamp [1], shape (n,)."""
-    parts: Any
-    """Stiffness along the slab, coupled and across [1], shape (3, n)."""
+    x: Any  # place along the slab [m], shape (n,)
+    y: Any  # place across the slab [m], shape (n,)
+    kappa: Any  # stiffness along a straight cut as long as the tip is far from the clamp [1], shape (n,)
+    parts: Any  # stiffness along the slab, coupled and across [1], shape (3, n)
 
 
 def stored_tips() -> tuple[Tips, TipStiffness]:
@@ -106,8 +101,7 @@ def show_fit() -> None:
     print(f"It misses {tips.x.size} stored tips, along, coupled, across, by {root_mean_square} of kappa (rms).")
 
 
-def main() -> None:
-    """Write if requested, then print."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--write", action="store_true", help="write assets/derived/lines.json")
     parser.add_argument("--fit", action="store_true", help="write assets/derived/place_model.json")
@@ -118,7 +112,3 @@ def main() -> None:
         place_model.store_numbers(fitted())
     show()
     show_fit()
-
-
-if __name__ == "__main__":
-    main()

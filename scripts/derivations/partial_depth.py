@@ -43,10 +43,9 @@ Array = NDArray[np.float64]
 WIDTH, POISSON = 0.08, 0.3
 LAYERS = np.array([0, 0.5, 1, 1.5, 2, 3, 4, 5, 6, 8, 10, 12.5, 15, 17, 19, 21, 22.5, 24, 25]) * 1e-3
 """Borders of the layers of bricks, from the surface down [m]."""
-FINER = 1e-3 * np.array(
+FINER = 1e-3 * np.array(  # layer borders of the check's finer mesh; only the surfaces coincide with the table's [m]
     [0, 0.3, 0.7, 1.2, 1.7, 2.2, 2.7, 3.3, 3.9, 4.5, 5.5, 6.6, 7.7, 9, 10.5, 12, 13.7, 15.5, 17.5, 19.5, 21.5, 23.3, 25]
 )  # fmt: skip
-"""Layer borders of the check's finer mesh; only the surfaces coincide with the table's [m]."""
 SPARSE = 1e-3 * np.array([0, 0.5, 1, 1.75, 2.5, 3.75, 5, 7.5, 10, 15, 20, 25])
 """Layer borders of the bricks whose size in the plane is halved [m]."""
 REFINED, FARTHEST = (1e-3, 2.5e-3, 5e-3, 10e-3, 20e-3), 12
@@ -179,11 +178,7 @@ def elements_matter() -> str:
     tips = np.arange(1, ROWS + 1)
     over = coarse[:, -1] / (np.asarray(CutModel().stiffness(tips / 100)) * THICKNESS)
     above = [(str(tips[n]), f"{over[n]:.3f}") for n in (0, 1, 4, 8, 12)]
-    header = (
-        "depth B [mm]",
-        "change of g on bricks of 5 mm, median [%]",
-        f"tips of 1 to {FARTHEST} cm [%]",
-    )
+    header = ("depth B [mm]", "change of g on bricks of 5 mm, median [%]", f"tips of 1 to {FARTHEST} cm [%]")
     return f"{markdown_table(header, lower)}\n\n{markdown_table(('tip [cm]', 'K of bricks over E kappa T g'), above)}"
 
 

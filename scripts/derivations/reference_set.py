@@ -55,8 +55,7 @@ def medians(found: ReferenceSet) -> str:
     return "\n".join(lines)
 
 
-def main() -> None:
-    """Cut, score and print; write if requested."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cuts", type=int, default=60, help="of every policy")
     parser.add_argument("--policy", action="append", default=[], help="a trained policy; may be repeated")
@@ -68,7 +67,3 @@ def main() -> None:
     if arguments.write:
         found.save(TARGET)
         print(f"{len(found)} cuts: {TARGET.relative_to(ROOT)}")
-
-
-if __name__ == "__main__":
-    main()

@@ -65,14 +65,9 @@ def show() -> None:
     assert abs(LENGTH / ROWS - 0.01) < 1e-12
 
 
-def main() -> None:
-    """Write if requested, then print the errors."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--write", action="store_true", help="write assets/derived/slab.json")
     if parser.parse_args().write:
         write()
     show()
-
-
-if __name__ == "__main__":
-    main()

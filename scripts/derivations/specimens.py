@@ -44,8 +44,7 @@ SPEEDS = {"5.2": 0.001, "5.3": 0.0127, "5.4": 0.0254}  # of each table [m/s]
 TRAVEL = 0.12  # thesis 3.3.2 [m]
 SIGNIFICANT_DROP = 0.2  # smallest drop of a segment that the thesis would list: four times its sensor's resolution [N]
 FEWEST_SEGMENTS = 3
-CUTS_OF_TABLE_6_1 = 40 / 7
-"""Number of cuts of each of its seven lengths; the thesis gives only the total."""
+CUTS_OF_TABLE_6_1 = 40 / 7  # number of cuts of each of its seven lengths; the thesis gives only the total
 UPRIGHT = math.pi / 2
 UNITS = {"modulus": "Pa", "fracture_resistance": "J/m2", "rise_length": "m"}
 DEPTH_POWER = 1.3  # exponent of the rise length's correction for a missed depth

@@ -9,8 +9,7 @@ from collections.abc import Iterator, Mapping
 
 from cutenv.commands import cli
 
-WIDTH = 96
-"""Columns of the printed help."""
+WIDTH = 96  # columns of the printed help
 FOLDER = "reference/commands"
 _WITHOUT_CONTENTS = "---\nhide: [toc]\n---\n\n"  # leaves the column to the printed help
 

@@ -12,21 +12,19 @@ import gymnasium
 from cutenv.task.registry import TASKS
 from scripts.documentation.restructured import markdown
 
-IDS = {
+IDS = {  # name of the page and id of the environment
     "-".join(re.findall("[A-Z][a-z]+", environment_id)).lower(): environment_id
     for task in TASKS.values()
     for environment_id in (task.id, task.rig_id)
     if environment_id
 } | {"free-cut": "cutenv/FreeCut-v1"}
-"""Name of the page and id of the environment."""
 
 
 def environment_class(environment_id: str) -> type:
     """Return the class that ``gymnasium.make`` of this id makes."""
     entry_point = str(gymnasium.spec(environment_id).entry_point)
     module, _, name = entry_point.partition(":")
-    found: type = getattr(importlib.import_module(module), name)
-    return found
+    return getattr(importlib.import_module(module), name)
 
 
 def pages() -> Iterator[tuple[str, str]]:

@@ -19,8 +19,7 @@ from scripts import ROOT
 from scripts.tables import markdown_table
 
 sys.path.insert(0, str(ROOT / "tests" / "records" / "files"))
-TOLERANCE = 0.01
-"""Relative error of duration, peak and travel up to which a record is right."""
+TOLERANCE = 0.01  # relative error of duration, peak and travel up to which a record is right
 
 
 def markdown() -> str:

@@ -18,11 +18,10 @@ from scripts.tables import markdown_table
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 NOT_USERS = ("dev", "docs", "distributed", "force-dimension")
 """Extras of those who work on cutenv, and two that are installed in environments of their own."""
-EXTRAS = {
+EXTRAS = {  # requirements of the package itself ("") and of every extra for users
     "": PROJECT["dependencies"],
     **{name: lines for name, lines in PROJECT["optional-dependencies"].items() if name not in NOT_USERS},
 }
-"""Requirements of the package itself ("") and of every extra for users."""
 _SAID = {
     "Apache Software License": "Apache-2.0", "BSD License": "BSD", "MIT License": "MIT",
     "Python Software Foundation License": "PSF-2.0", "ISC License (ISCL)": "ISC", "zlib/libpng License": "Zlib",

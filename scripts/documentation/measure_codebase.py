@@ -36,12 +36,10 @@ from scipy.sparse.csgraph import connected_components
 
 from scripts import ROOT
 
-BEFORE = Path("docs/development/measures-before.json")
-"""Numbers of earlier revisions, relative to the checkout."""
+BEFORE = Path("docs/development/measures-before.json")  # numbers of earlier revisions, relative to the checkout
 PACKAGE = "cutenv"
 RIG = "cutenv.rig"
-CODE = ("cutenv", "agents", "scripts")
-"""Folders whose docstrings and words are counted."""
+CODE = ("cutenv", "agents", "scripts")  # folders whose docstrings and words are counted
 FRAGMENT = re.compile(r"(Of|What|How|Where|Why|Whether|As)\b")
 """Match the first word of a docstring that does not name its subject."""
 WORD = "told"
@@ -49,7 +47,7 @@ WORD = "told"
 Measures = dict[str, float | None]
 """Value of each measure by its key in `LABELS`; None where a tool or a file is missing."""
 
-LABELS = {
+LABELS = {  # row label of each measure in the table
     "readme_lines": "README, lines",
     "layers": "layers of the import contract",
     "wings": "packages directly in `cutenv/`",
@@ -82,7 +80,6 @@ LABELS = {
     "pages": "pages in docs",
     "examples": "examples",
 }
-"""Row label of each measure in the table."""
 
 _LOAD = f"""
 import re, sys
@@ -179,8 +176,7 @@ def kept(path: Path) -> dict[str, Measures]:
             f"{path} is missing; make it by: python -m scripts.documentation.measure_codebase "
             f"--at REVISION --json {path}"
         )
-    columns: dict[str, Measures] = json.loads(path.read_text(encoding="utf-8"))
-    return columns
+    return json.loads(path.read_text(encoding="utf-8"))
 
 
 def layer_count(root: Path) -> int | None:

@@ -61,13 +61,8 @@ def run(notebook: dict[str, Any]) -> tuple[str, list[plt.Figure]]:
     return "\n\n".join([title, ABOUT.strip(), first, *parts[1:]]) + "\n", figures
 
 
-def main() -> None:
-    """Write the page and its figures."""
+if __name__ == "__main__":
     page, figures = run(json.loads(NOTEBOOK.read_text(encoding="utf-8")))
     PAGE.write_text(page, encoding="utf-8")
     for number, figure in enumerate(figures, 1):
         figure.savefig(PICTURES / f"notebook-{number}.svg", metadata={"Date": None, "Creator": None}, transparent=True)
-
-
-if __name__ == "__main__":
-    main()

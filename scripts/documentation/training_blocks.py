@@ -13,8 +13,7 @@ from cutenv.agents.policy import CONSTANT_FEEDS, ORACLE, SCRIPTS
 from scripts import ROOT
 from scripts.tables import markdown_table
 
-SUMMARY = ROOT / "assets" / "benchmark" / "summary.csv"
-"""Summary of the leaderboard."""
+SUMMARY = ROOT / "assets" / "benchmark" / "summary.csv"  # summary of the leaderboard
 SCORES = ("return", "success", "tip_error_mm", "peak_force_N", "time_s")
 
 

@@ -84,11 +84,7 @@ def draw_law() -> None:
     """Draw what the law makes of a cut, a return by 12 mm and a cut on: force and tip over the blade's position."""
     specimen = Specimen.homogeneous(modulus=38e3, fracture_resistance=240.0, depth=0.02)
     plant = SimulatedPlant(specimen)
-    legs = [
-        Leg(position=0.040, speed=0.0127),
-        Leg(position=0.028, speed=0.0127),
-        Leg(position=0.050, speed=0.0127),
-    ]
+    legs = [Leg(position=0.040, speed=0.0127), Leg(position=0.028, speed=0.0127), Leg(position=0.050, speed=0.0127)]
     felt = run(plant, legs)
     x, tip, force = 1e3 * felt["position"], 1e3 * felt["tip"], felt["true_force"]
     figure, (above, below) = plt.subplots(2, 1, sharex=True, figsize=(8.0, 5.6), layout="constrained")
@@ -121,12 +117,7 @@ def mark(axes: Axes, x: np.ndarray, force: np.ndarray, tip: np.ndarray) -> None:
     axes.annotate("only friction", (x[turn:].min() + 1.5, force[turn:].min()), (20, -0.2), arrowprops=arrow)
 
 
-def main() -> None:
-    """Draw both."""
+if __name__ == "__main__":
     with plt.rc_context(STYLE):
         draw_geometry()
         draw_law()
-
-
-if __name__ == "__main__":
-    main()

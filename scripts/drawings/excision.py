@@ -25,8 +25,7 @@ from cutenv.sim.tissue import Specimen
 from cutenv.sim.tissue.grid import SPACING
 from cutenv.sim.tissue.lines import CutLine, half_ellipse
 
-LENGTH, HEIGHT = 0.056, 0.01
-"""Distance of the ends of one side of the excision, and height of its summit [m]."""
+LENGTH, HEIGHT = 0.056, 0.01  # distance of the ends of one side of the excision, and height of its summit [m]
 _BEGIN = 0.0025  # from the first cut's beginning to the second's, along the clamp [m]
 _SPEED = 0.01
 _UPRIGHT = math.radians(90.0)

@@ -27,8 +27,7 @@ CUTS: Mapping[str, tuple[tuple[str, ...], int]] = {
     "excision": (("excision by force", "ppo-excision"), 3_000_031),
 }
 """Policies that cut side by side, and the seed of the specimen, by name of the picture."""
-EVERY_S = 0.2
-"""Time between two pictures [s], in which GIF can show twice the speed: its unit is 10 ms."""
+EVERY_S = 0.2  # time between two pictures [s], in which GIF can show twice the speed: its unit is 10 ms
 PAUSE_MS = 3000
 WIDTH = 640
 COLOURS = 40
@@ -65,8 +64,7 @@ def side_by_side(several: Sequence[list[Image.Image]]) -> list[Image.Image]:
     return joined
 
 
-def main() -> None:
-    """Draw the pictures in few colours, those of three of them side by side, and save them."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("picture", nargs="?", choices=list(CUTS), default="cut", help="what to draw; default cut")
     name = parser.parse_args().picture
@@ -79,7 +77,3 @@ def main() -> None:
     path = PICTURES / f"{name}.gif"
     frames[0].save(path, save_all=True, append_images=frames[1:], duration=times, loop=0, optimize=True)
     print(f"picture: {path} ({path.stat().st_size / 1e3:.0f} kB)")
-
-
-if __name__ == "__main__":
-    main()

@@ -61,12 +61,8 @@ def deep_cut() -> Trace:
     return cut.trace(name="A virtual liver, along a wanted depth", end=cut.end)
 
 
-def main() -> None:
-    """Cut, write the pages, photograph them, and reduce the pictures."""
-    for name, trace, colour in (
-        ("view.png", gentle_cut(), "energy"),
-        ("view-depth.png", deep_cut(), "displacement"),
-    ):
+if __name__ == "__main__":
+    for name, trace, colour in (("view.png", gentle_cut(), "energy"), ("view-depth.png", deep_cut(), "displacement")):
         with tempfile.TemporaryDirectory() as folder:
             page, shot = Path(folder) / "view.html", Path(folder) / "view.png"
             write_view(page, ShownCut.of(trace), colour=colour)
@@ -74,7 +70,3 @@ def main() -> None:
             picture = PICTURES / name
             Image.open(shot).convert("RGB").quantize(COLOURS, kmeans=3).save(picture, optimize=True)
         print(f"picture: {picture} ({picture.stat().st_size / 1e3:.0f} kB)")
-
-
-if __name__ == "__main__":
-    main()

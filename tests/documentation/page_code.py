@@ -10,8 +10,7 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-PAGES = ["../README.md", *sorted(path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md"))]
-"""Paths from docs/."""
+PAGES = ["../README.md", *sorted(path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md"))]  # paths from docs/
 CONTRIBUTORS = ("development/", "results/", "validation/", "reference/")
 """Beginnings of the pages whose commands are for a checkout that has everything."""
 FENCE = re.compile(
@@ -21,8 +20,7 @@ FENCE = re.compile(
 INSTALLS = re.compile(r"(?<!/)pipx? install ([^`\n&#]+)")
 """Not ``.venv-ray/bin/pip``, which installs elsewhere."""
 SHOWN = re.compile(r"\n+(?:It prints `([^`\n]+)`|(?: *)```text\n(.*?)^ *```$)", re.DOTALL | re.MULTILINE)
-WITH_A_VALUE = ("-c", "--index-url")
-"""Options of pip that are followed by a value."""
+WITH_A_VALUE = ("-c", "--index-url")  # options of pip that are followed by a value
 FIRST = frozenset({"cutenv[view]"})
 """Requirements of the page Install, for a page that names no extra; one that does has those that it names alone."""
 

@@ -19,11 +19,10 @@ from scripts.documentation.training_blocks import verdict
 ROOT = Path(__file__).parents[2]
 RECORDS = (ROOT / "docs" / "reference" / "files" / "records.md").read_text(encoding="utf-8")
 
-CHEAP = (
+CHEAP = (  # blocks that are printed from what is in the repository, in a second
     "parameters", "benchmark", "results", "errata", "metrics", "weights", "ends", "tissue-file", "rig-file",
     "slow-rig", "class-attacks", "test-times",
 )  # fmt: skip
-"""Blocks that are printed from what is in the repository, in a second."""
 
 
 def blocks_of(text: str) -> list[str]:

@@ -15,10 +15,8 @@ from scripts.checks import BLOCKS, CHECKS, Check
 from scripts.documentation import check_pages
 
 ROOT = Path(__file__).parents[2]
-FOLDERS = ("validation", "benchmarks", "derivations")
-"""Folders of scripts/ of which every program is a check."""
-PARTS = {"scripts.validation.rig.rig_cut_process", "scripts.benchmarks.speed.operations"}
-"""Programs that others start."""
+FOLDERS = ("validation", "benchmarks", "derivations")  # folders of scripts/ of which every program is a check
+PARTS = {"scripts.validation.rig.rig_cut_process", "scripts.benchmarks.speed.operations"}  # programs that others start
 
 
 def programs() -> list[str]:

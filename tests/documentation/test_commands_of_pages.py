@@ -34,8 +34,7 @@ NOT_TO_THE_END = {
 }
 """Beginnings of commands that are stopped after some seconds, and why: until then nothing must be missing."""
 SECONDS, MOST_SECONDS = 10.0, 900.0
-TRIES = 2
-"""Runs of a command that a busy machine stalls on a rig in real time, which then stops as it must."""
+TRIES = 2  # runs of a command that a busy machine stalls on a rig in real time, which then stops as it must
 
 
 def short_training(line: str) -> str:

@@ -120,10 +120,7 @@ def test_another_broken_pipe_is_not_hidden() -> None:
 
 @pytest.mark.parametrize(
     ("name", "given", "module", "extra"),
-    [
-        ("train", [], "torch", "rl"),
-        ("datasets", ["--dataset", "a-v0", "--policy", "nothing"], "minari", "data"),
-    ],
+    [("train", [], "torch", "rl"), ("datasets", ["--dataset", "a-v0", "--policy", "nothing"], "minari", "data")],
 )
 def test_a_missing_extra_of_a_command_is_one_line(
     name: str, given: list[str], module: str, extra: str, tmp_path: Path

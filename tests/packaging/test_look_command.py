@@ -25,8 +25,7 @@ ROWS = "".join(
 
 def looked(capsys: pytest.CaptureFixture[str], *arguments: object, status: int = 0) -> dict[str, Any]:
     assert cli.main(["look", *map(str, arguments), "--json"]) == status
-    content: dict[str, Any] = json.loads(capsys.readouterr().out)
-    return content
+    return json.loads(capsys.readouterr().out)
 
 
 def test_records_questions_and_rows_left_out_are_printed_as_json(

@@ -16,7 +16,7 @@ from scripts.documentation import measure_codebase
 
 ROOT = Path(__file__).parents[2]
 
-REASONS = {
+REASONS = {  # public names that several modules define, with the reason
     "CUT": "a stream of random numbers, and the dtype of a simulated cut",
     "Function": "type variable",
     "INCLINED": "the same angle, pi/4; no module that all of them import is about angles",
@@ -38,14 +38,11 @@ REASONS = {
     "wedge": "a task quantity, and the metric of that name, which its registry takes from the function",
     "write": "one interface of all file formats",
 }
-"""Public names that several modules define, with the reason."""
 
 HOOKS = {"renew_row", "respond_row"} | {field.name for declaration in (Task, Motion) for field in fields(declaration)}
 """Functions that a task or a motion of the blade declares bear the names of what they are declared as."""
 
-SAME_FILE_NAMES = {
-    "depth": "the depth of cut: measured along records, and wanted by a task",
-}
+SAME_FILE_NAMES = {"depth": "the depth of cut: measured along records, and wanted by a task"}
 """File names that several folders hold, with the reason; ``__init__`` is in every package."""
 
 

@@ -44,10 +44,7 @@ COMMANDS = {
         ["rig", "run", "--policy", "coast", "--rig", "fake", "--out", "FREE/cuts", "--json", "LOCKED/x.json"],
         "cutenv.commands.rig.run:chosen_policy",
     ),
-    "rig emulate": (
-        ["rig", "emulate", "--write", "LOCKED/e.toml"],
-        "cutenv.emulation.process:serve",
-    ),
+    "rig emulate": (["rig", "emulate", "--write", "LOCKED/e.toml"], "cutenv.emulation.process:serve"),
     "rig init": (["rig", "init", "LOCKED/new/r.toml"], "cutenv.commands.rig.init:template"),
     "rig evaluate": (
         ["rig", "evaluate", "--policy", "coast", "--rig", "fake", "--out", "LOCKED/new"],

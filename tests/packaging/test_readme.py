@@ -14,8 +14,7 @@ from cutenv.commands.cli import COMMANDS
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-LONGEST = 150
-"""Lines of the README; more belongs to a page of the documentation."""
+LONGEST = 150  # lines of the README; more belongs to a page of the documentation
 
 
 def test_it_is_short() -> None:

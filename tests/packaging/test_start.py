@@ -141,12 +141,7 @@ def no_driver(monkeypatch: pytest.MonkeyPatch) -> None:
 def cuda_plan(tmp_path: Path) -> dict[str, list[object]]:
     """Plan torch with two CUDA packages of 1.5 GB in all, in sparse files that stand in for an index."""
     urls = {}
-    for name, size in {
-        "numpy": 7,
-        "torch": 5 * 10**8,
-        "nvidia_cudnn_cu13": 9 * 10**8,
-        "triton": 10**8,
-    }.items():
+    for name, size in {"numpy": 7, "torch": 5 * 10**8, "nvidia_cudnn_cu13": 9 * 10**8, "triton": 10**8}.items():
         path = tmp_path / f"{name}.whl"
         with path.open("wb") as file:
             file.truncate(size)
@@ -159,9 +154,7 @@ def test_a_cpu_plan_has_no_cuda_wheels() -> None:
 
 
 @pytest.mark.usefixtures("no_driver")
-def test_cuda_without_a_driver_is_refused_with_its_size_and_the_cure(
-    cuda_plan: dict[str, list[object]],
-) -> None:
+def test_cuda_without_a_driver_is_refused_with_its_size_and_the_cure(cuda_plan: dict[str, list[object]]) -> None:
     start.check_cuda(CPU_PLAN, accepted=False)
     with pytest.raises(start.Refusal, match=r"\(1\.5 GB\)(?s:.*)Cure: add '--torch-index URL'"):
         start.check_cuda(cuda_plan, accepted=False)

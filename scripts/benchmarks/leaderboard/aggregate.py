@@ -15,15 +15,12 @@ from cutenv.agents.learning.statistics import Interval, rows_of, stratified
 from scripts.benchmarks.leaderboard.kept_cuts import KeptRun, Row, read_runs
 from scripts.benchmarks.leaderboard.protocol import ENTRIES, REFERENCE
 
-ALL = "all"
-"""All pure classes together: one stratum each, in which a seed gives one specimen of each."""
+ALL = "all"  # all pure classes together: one stratum each, in which a seed gives one specimen of each
 MIXTURE = "mixed"
 """Class whose specimens are drawn from the other classes with the same seeds, so no independent evidence."""
-UNCHANGED = "none"
-"""Value of the constant's name in the rows of sweeps.csv with all constants as in training."""
+UNCHANGED = "none"  # value of the constant's name in the rows of sweeps.csv with all constants as in training
 VERDICTS = {1: "beats it", 0: "does not beat it: level", -1: "does not beat it: worse"}
-AFTER = "return after {} cuts"
-"""Score of the return in training."""
+AFTER = "return after {} cuts"  # score of the return in training
 
 
 @dataclass(frozen=True)

@@ -18,13 +18,11 @@ from scripts.benchmarks.leaderboard.protocol import slug
 
 Row = dict[str, str]
 
-DIGITS = {
+DIGITS = {  # scores of the headline's cuts, with their digits after the point; no interval is as narrow
     "return": 4, "success": 0, "tip_error_mm": 2, "peak_force_N": 2, "largest_jump_mm": 2, "cost_mm": 2,
     "overshoot_mm": 2, "time_s": 1,
 }  # fmt: skip
-"""Scores of the headline's cuts, with their digits after the point; no interval is as narrow."""
-EVERY_CLASS = ("return", "success")
-"""Scores of the cuts of the other classes."""
+EVERY_CLASS = ("return", "success")  # scores of the cuts of the other classes
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,8 @@ from cutenv.commands.train import training_options
 
 BEST_FEED = "best constant feed"
 """Name of the constant feed that is best on validation specimens: the only one of the 28 that takes part."""
-REFERENCE = "PPO"
-"""Name of the agent that ablations are compared with."""
-FEWEST_SEEDS = 5
-"""Number of training runs below which a row is marked."""
+REFERENCE = "PPO"  # name of the agent that ablations are compared with
+FEWEST_SEEDS = 5  # number of training runs below which a row is marked
 
 
 @dataclass(frozen=True)
@@ -27,13 +25,10 @@ class Entry:
     """A learned agent that takes part, trained with the defaults of ``cutenv train``."""
 
     name: str
-    learner: str
-    """Value of ``cutenv train --learner``."""
+    learner: str  # value of 'cutenv train --learner'
     arguments: tuple[str, ...] = ()
-    change: str = ""
-    """Change of an ablation from :data:`REFERENCE`; empty for other agents."""
-    seeds: int = FEWEST_SEEDS
-    """Number of training runs."""
+    change: str = ""  # change of an ablation from REFERENCE; empty for other agents
+    seeds: int = FEWEST_SEEDS  # number of training runs
 
     def training_seeds(self, protocol: Protocol) -> range:
         """Return the seeds of the training runs; they have no specimens in common."""
@@ -58,8 +53,7 @@ _ENTRIES = (
     Entry("PPO (random rigs)", "ppo", ("--rigs", "20"), "drive, sensor and error of depth are drawn at random"),
     Entry("PPO (critic without truth)", "ppo", ("--critic", "features"), "the critic does not see the truth"),
 )
-ENTRIES = {entry.name: entry for entry in _ENTRIES}
-"""All learned agents by name."""
+ENTRIES = {entry.name: entry for entry in _ENTRIES}  # all learned agents by name
 SCRIPTED = (BEST_FEED, *SCRIPTS, ORACLE, *NULL_POLICIES)
 """Names of all others: scripts, both planners, random and nothing."""
 
@@ -93,5 +87,4 @@ def kept_protocol(folder: Path) -> Protocol:
 
 def content_of(protocol: Protocol) -> dict[str, Any]:
     """Return the content of protocol.json."""
-    content: dict[str, Any] = json.loads(json.dumps(dataclasses.asdict(protocol)))
-    return content
+    return json.loads(json.dumps(dataclasses.asdict(protocol)))

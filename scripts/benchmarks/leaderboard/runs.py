@@ -29,12 +29,9 @@ from scripts.benchmarks.leaderboard.protocol import BEST_FEED, ENTRIES, SCRIPTED
 from scripts.benchmarks.leaderboard.robustness import settings
 
 SWEPT = ("PPO", "PPO (random rigs)", "recurrent PPO", "return stroke", "probe and creep", BEST_FEED)
-OFFLINE = tuple(LEARNERS[name][0] for name in ("bc", "iql"))
-"""Names of agents that learn from demonstrations alone."""
-AUTHOR = "cutenv"
-"""Author of all that is not submitted."""
-_CORE_SECONDS = {ORACLE: 0.15}
-"""Time of one cut, on the machine of docs/results/speed.md [core s]; for the others:"""
+OFFLINE = tuple(LEARNERS[name][0] for name in ("bc", "iql"))  # names of agents that learn from demonstrations alone
+AUTHOR = "cutenv"  # author of all that is not submitted
+_CORE_SECONDS = {ORACLE: 0.15}  # time of one cut, on the machine of docs/results/speed.md [core s]; for the others:
 _CORE_SECONDS_ELSE = 0.004
 _TRAINING_S = {"ppo": 240.0, "recurrent-ppo": 900.0, "bc": 150.0}
 """Time of a training with the defaults of its learner [core s]; for the others:"""

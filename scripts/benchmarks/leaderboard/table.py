@@ -16,8 +16,7 @@ from scripts.benchmarks.leaderboard.protocol import ENTRIES, SCRIPTED, keep_prot
 from scripts.benchmarks.leaderboard.summary import AS_BEGUN, Table
 from scripts.tables import markdown_table
 
-PUBLISHED = ROOT / "assets" / "benchmark"
-"""Folder of the published comparison."""
+PUBLISHED = ROOT / "assets" / "benchmark"  # folder of the published comparison
 
 
 def markdown(folder: Path = PUBLISHED) -> str:

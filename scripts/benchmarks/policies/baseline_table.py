@@ -37,13 +37,11 @@ from scripts.tables import interval_text, keep, kept_rows
 
 FOLDER = Path("runs") / "baselines"
 DEADLINE = 30.0  # [s]
-EARLIER = {
+EARLIER = {  # weights of the earlier reward's costs; progress had 1
     "uncontrolled": 0.15, "jump": 0.05, "force": 0.02, "lag": 0.03, "backward": 0.15, "haste": 0.1, "time": 0.15,
     "wedge": 0.2, "stored": 0.1,
 }  # fmt: skip
-"""Weights of the earlier reward's costs; progress had 1."""
-EARLIER_TIP_ERROR = 0.2
-"""Its cost of the tip error at the end, per 3 mm up to 9 mm."""
+EARLIER_TIP_ERROR = 0.2  # its cost of the tip error at the end, per 3 mm up to 9 mm
 
 
 def earlier_return(row: Mapping[str, Any]) -> float:

@@ -52,20 +52,16 @@ SHOWN: dict[str, Callable[..., VecEnv]] = {
 }
 """Environments by what is shown: numbers of the observation, features of ``cutenv train``, numbers and hidden state."""
 LEARNERS = {"ppo": "PPO", "memory": "PPO with a memory", "sac": "SAC", "easier": "PPO, easier at first"}
-STYLES = {"raw": "-", "features": "--", "truth": ":"}
-"""Lines of their curves."""
+STYLES = {"raw": "-", "features": "--", "truth": ":"}  # lines of their curves
 INPUTS = {"ppo": tuple(SHOWN), "memory": ("raw", "features"), "sac": ("raw", "features"), "easier": ("features",)}
 """Inputs of each learner, each in runs of its own."""
 DECISIONS = {"ppo": 2_000_000, "memory": 2_000_000, "sac": 200_000, "easier": 2_000_000}
 """Decisions of a training, by learner."""
 POINTS, SPECIMENS, HELD_OUT = 10, 200, 1000
 """Points of a curve, on so many validation specimens; at the end so many held-out specimens are cut."""
-ENVIRONMENTS, MEMORY_ENVIRONMENTS = 64, 256
-"""Training environments, also of PPO with a memory."""
-RATE, SLOW_RATE = 10, 5
-"""Decisions a second, also of a task that is easier at first."""
-FORWARD, UNTIL = 0.3, 0.5
-"""Speed action at first, and share of the training in which the task is easier."""
+ENVIRONMENTS, MEMORY_ENVIRONMENTS = 64, 256  # training environments, also of PPO with a memory
+RATE, SLOW_RATE = 10, 5  # decisions a second, also of a task that is easier at first
+FORWARD, UNTIL = 0.3, 0.5  # speed action at first, and share of the training in which the task is easier
 PPO_SETTINGS: dict[str, Any] = {"n_steps": 256, "batch_size": 1024, "n_epochs": 8, "gamma": 1.0}
 LEARNING_RATE, DEVIATION = 1e-3, 0.8
 SAC_SETTINGS: dict[str, Any] = {

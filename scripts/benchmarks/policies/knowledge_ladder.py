@@ -45,8 +45,7 @@ from cutenv.sim.tissue.grid import N_POINTS, POINTS_PER_METRE
 from scripts.benchmarks.policies.ladder import TrueTip, rows_of_rung
 from scripts.tables import keep, kept_rows, mean_text
 
-START = "as the script has it"
-"""Name of the first rung."""
+START = "as the script has it"  # name of the first rung
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,8 +54,7 @@ class KnowledgeLadder:
 
     task: str
     rungs: Mapping[str, Callable[[], ArrayPolicy]]
-    errors: tuple[tuple[str, str], ...]
-    """Scores that the task adds [mm]: name and heading."""
+    errors: tuple[tuple[str, str], ...]  # scores that the task adds [mm]: name and heading
 
     @property
     def file(self) -> Path:
@@ -125,8 +123,7 @@ class DepthRung(FollowDepth):
         """Return the levels of the surface [m] at these points."""
         if not self._true_surface:
             return super().surfaces(point)
-        levels: Array = self._batch.cuts.motions["surface"][np.arange(len(point)), point]
-        return levels
+        return self._batch.cuts.motions["surface"][np.arange(len(point)), point]
 
 
 DEPTH_RUNGS: dict[str, Callable[[], FollowDepth]] = {
@@ -139,8 +136,7 @@ DEPTH_RUNGS: dict[str, Callable[[], FollowDepth]] = {
 }
 
 
-LENGTHS = (0.0053, 0.0055, 0.0029, 0.0011)
-"""Lengths [m] of :func:`~cutenv.agents.policy.third_axis_planners.wanted_bend`, chosen on training specimens."""
+LENGTHS = (0.0053, 0.0055, 0.0029, 0.0011)  # lengths [m] of wanted_bend, chosen on training specimens
 
 
 class PathRung(SteerByForce):
@@ -207,7 +203,7 @@ def _fill_bends(states: Array, steerings: Array, lengths: Array, bends: Array) -
         bends[n] = wanted_bend(states[n], steerings[n], lengths)
 
 
-TOLD: dict[str, dict[str, bool]] = {
+TOLD: dict[str, dict[str, bool]] = {  # knowledge that each rung along a line is told, by name
     START: {},
     "true tip along the line": {"tip": True},
     "true distance of the tip to the line": {"aside": True},
@@ -219,7 +215,6 @@ TOLD: dict[str, dict[str, bool]] = {
     "that, but for the distance to the line": {"rule": True},
     "the planner's rule, with the true tip for the stop": {"aside": True, "rule": True, "stop": True},
 }
-"""Knowledge that each rung along a line is told, by name."""
 
 
 def path_rungs(numbers: Mapping[str, float]) -> dict[str, Callable[[], SteerByForce]]:

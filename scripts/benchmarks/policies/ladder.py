@@ -164,8 +164,7 @@ def memory_report(rows: Sequence[Mapping[str, Any]]) -> str:
     return "\n".join([*lines, "", f"{len(each[SCRIPT])} held-out specimens of class liver; mean [95 % interval]."])
 
 
-def main() -> None:
-    """Run the command line."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--specimens", type=int, default=1000, metavar="N", help="held-out specimens; default 1000")
     parser.add_argument("--specimen-class", choices=CLASSES, default=CLASS, help=f"class of specimens; default {CLASS}")
@@ -178,7 +177,3 @@ def main() -> None:
         rows = measure(arguments.specimens, arguments.processes, kind)
         keep(file, rows)
     print(report(kept_rows(file, "scripts.benchmarks.policies.ladder"), kind), flush=True)
-
-
-if __name__ == "__main__":
-    main()

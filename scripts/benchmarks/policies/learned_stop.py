@@ -231,8 +231,7 @@ def report(rows: Sequence[Mapping[str, Any]]) -> str:
     return f"{made}\n\n{markdown_table(head, lines)}"
 
 
-def main() -> None:
-    """Run the command line."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--specimens", type=int, default=5000, metavar="N", help="training specimens; default 5000")
     parser.add_argument("--held-out", type=int, default=4000, metavar="N", help="held-out specimens; default 4000")
@@ -244,7 +243,3 @@ def main() -> None:
         rows = measure(arguments.specimens, arguments.held_out)
         keep(arguments.out / FILE, rows)
     print(report(kept_rows(arguments.out / FILE, "scripts.benchmarks.policies.learned_stop")), flush=True)
-
-
-if __name__ == "__main__":
-    main()

@@ -23,10 +23,8 @@ from cutenv.agents.learning.statistics import by_policy
 from scripts.tables import keep, kept_rows, markdown_table, mean_text
 
 FILE = Path("runs") / "strokes" / "strokes.csv"
-LEAST = 0.001
-"""Distance of a stroke, back and forward again [m]."""
-SEEN_EVERY = 20
-"""Readings between two looks at the place of the blade, 20 ms."""
+LEAST = 0.001  # distance of a stroke, back and forward again [m]
+SEEN_EVERY = 20  # readings between two looks at the place of the blade, 20 ms
 
 
 def return_strokes(position: Array) -> int:
@@ -66,8 +64,7 @@ def report(rows: Sequence[Mapping[str, Any]]) -> str:
     return f"{table}\n\n{len(rows) // len(lines)} held-out specimens of class mixed; mean [95 % interval]."
 
 
-def main() -> None:
-    """Run the command line."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("policies", nargs="*", metavar="POLICY", help="names of policies, or folders of them")
     parser.add_argument("--specimens", type=int, default=500, metavar="N", help="held-out specimens; default 500")
@@ -78,7 +75,3 @@ def main() -> None:
             parser.error("name a policy, such as 'return stroke', or give --print")
         keep(FILE, measure(arguments.policies, arguments.specimens))
     print(report(kept_rows(FILE, "scripts.benchmarks.policies.return_strokes POLICY ...")), flush=True)
-
-
-if __name__ == "__main__":
-    main()

@@ -20,8 +20,7 @@ from cutenv.envs.tracks import COST_BUDGET_MM, PROTOCOL
 from scripts.tables import keep, kept_rows, markdown_table, mean_text
 
 FOLDER, FILE = Path("runs") / "safe-cut", "rows.csv"
-BUDGET_OF = "probe and creep"
-"""Script of whose mean cost the budget is two thirds."""
+BUDGET_OF = "probe and creep"  # script of whose mean cost the budget is two thirds
 SCORES = {"return": 3, "success": 3, "cost_mm": 2, "overshoot_mm": 2, "long_runs_mm": 2}
 """Columns of the table and their digits."""
 

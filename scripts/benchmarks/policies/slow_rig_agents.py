@@ -41,11 +41,10 @@ from scripts.tables import interval_text, keep_json, kept_json, mean_text
 FOLDER = Path("runs") / "slow-rig"
 DEFAULT = FOLDER / "table.json"
 FILE = FOLDER / "rig.toml"
-IDENTIFIED = Identified(
+IDENTIFIED = Identified(  # properties of the emulated serial rig, as 'cutenv rig identify' has measured them
     date="2026-11-25", motor_lag=0.0068, dead_time=0.0, acceleration=0.0993, force_noise=0.0013,
     force_resolution=2.34e-5, force_drift=0.0,
 )  # fmt: skip
-"""Properties of the emulated serial rig, as ``cutenv rig identify`` has measured them."""
 UPRIGHT: dict[str, Any] = {"specimen_class": "mixed", "angle_mode": "fixed", "fixed_angle_deg": 90.0}
 _NAMES = ("force feedback", "fast then slow", "probe and creep", "return stroke")
 _TRAINED, _SHIPPED = "trained for the slow rig", "ppo-fixed"

@@ -37,8 +37,7 @@ FOLDER = Path("runs") / "stock"
 DECISIONS = {"PPO": 1_000_000, "SAC": 200_000, "TQC": 200_000, "CrossQ": 200_000}
 """Decisions of each learner's training."""
 KEYWORDS = {"specimen_class": "mixed", "control_hz": 10}
-MARK, MARK_FILE = feed_name(1.65, 45.0), "mark.txt"
-"""Name of the best constant feed."""
+MARK, MARK_FILE = feed_name(1.65, 45.0), "mark.txt"  # name of the best constant feed
 SPECIMENS, VALIDATIONS = 200, 30
 
 

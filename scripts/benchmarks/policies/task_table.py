@@ -45,12 +45,9 @@ class TaskTable:
     """One task's tables."""
 
     task: str
-    errors: tuple[tuple[str, str, str], ...]
-    """Scores that the task adds: name, heading, format with unit."""
-    ends: tuple[tuple[str, str], ...]
-    """Ends for safety that are counted: name, and what it is."""
-    draw: Callable[[Path], None] | None = None
-    """Draws a picture of two cuts."""
+    errors: tuple[tuple[str, str, str], ...]  # scores that the task adds: name, heading, format with unit
+    ends: tuple[tuple[str, str], ...]  # ends for safety that are counted: name, and what it is
+    draw: Callable[[Path], None] | None = None  # draws a picture of two cuts
 
     @property
     def file(self) -> Path:

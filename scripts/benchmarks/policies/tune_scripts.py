@@ -36,10 +36,8 @@ from cutenv.envs.vector import CutBatch
 from cutenv.task.registry import TASKS
 from scripts.tables import keep_json, kept_json
 
-VARIANTS, BEST = 12, 3
-"""Variants of a generation, and how many of them move the mean."""
-SPECIMENS, JUDGED = 64, 1000
-"""Specimens that each variant cuts, and that the result is judged on."""
+VARIANTS, BEST = 12, 3  # variants of a generation, and how many of them move the mean
+SPECIMENS, JUDGED = 64, 1000  # specimens that each variant cuts, and that the result is judged on
 _LAST = 20  # generations whose means are averaged
 _FIRST_SPREAD, _LAST_SPREAD = 0.15, 0.02  # standard deviation of a number, over its range
 
@@ -53,7 +51,7 @@ class Number:
     high: float
 
 
-ALONG = {
+ALONG = {  # numbers of the script along the cut, cutenv.agents.policy.path_policies.ALONG_NUMBERS
     "speed": Number(0.0165, 0.003, 0.0254),
     "angle": Number(INCLINED, INCLINED, UPRIGHT),
     "approach": Number(0.010, 0.002, 0.025),
@@ -65,7 +63,6 @@ ALONG = {
     "margin": Number(-0.0005, -0.015, 0.005),
     "retreat_speed": Number(0.012, 0.003, 0.0254),
 }
-"""Numbers of the script along the cut, :data:`cutenv.agents.policy.path_policies.ALONG_NUMBERS`."""
 
 
 @dataclass(frozen=True)
@@ -73,8 +70,7 @@ class Family:
     """Scripts that differ by their numbers."""
 
     kind: type[PathScript]
-    numbers: Mapping[str, Number]
-    """Its own numbers, besides those along the cut."""
+    numbers: Mapping[str, Number]  # its own numbers, besides those along the cut
 
     @property
     def all_numbers(self) -> dict[str, Number]:
@@ -82,14 +78,13 @@ class Family:
         return {**ALONG, **self.numbers}
 
 
-FAMILIES = {
+FAMILIES = {  # scripts that steer, by name
     "steer by force": Family(SteerByForce, {"gain": Number(1.5, 0.2, 5.0), "back": Number(0.02, 0.004, 0.08)}),
     "blade on the line": Family(BladeOnLine, {}),
     "look ahead": Family(LookAhead, {}),
     "slow in bends": Family(SlowInBends, {"bend": Number(40.0, 5.0, 200.0)}),
     "outside the bend": Family(OutsideTheBend, {"share": Number(1.0, -2.0, 4.0)}),
 }
-"""Scripts that steer, by name."""
 
 
 class Tuning:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from scripts.benchmarks.speed.measured import Measured
 
-BENCHMARKS = {
+BENCHMARKS = {  # module with 'measure()' by name, with its argument where it has one
     "first": "first_use",
     "step": "environment",
     "batch": "batch",
@@ -27,7 +27,6 @@ BENCHMARKS = {
     "ppo": "ppo",
     "reading": "reading",
 }
-"""Module with ``measure()`` by name, with its argument where it has one."""
 
 
 def measurement(name: str) -> Callable[[], Measured]:

@@ -24,14 +24,10 @@ from scripts.benchmarks.speed.gymnasium_vectors import ASYNC, NATIVE, SYNC, Othe
 from scripts.benchmarks.speed.limits import limits
 from scripts.benchmarks.speed.measured import Measured, Number, at_least, at_most
 
-SHARE_OF_BARE = 0.80
-"""Share of the bare loop's rate that the environment must reach at :data:`MANY`."""
-TIMES_PENDULUM = 50.0
-"""Required speed-up over SyncVectorEnv of Pendulum-v1 at :data:`SOME`."""
-RESETS_IN_STEPS = 100.0
-"""Largest acceptable time of resetting the whole batch, in steps of the batch."""
-STRETCH = 2e6
-"""Target on two cores [control steps/s]."""
+SHARE_OF_BARE = 0.80  # share of the bare loop's rate that the environment must reach at MANY
+TIMES_PENDULUM = 50.0  # required speed-up over SyncVectorEnv of Pendulum-v1 at SOME
+RESETS_IN_STEPS = 100.0  # largest acceptable time of resetting the whole batch, in steps of the batch
+STRETCH = 2e6  # target on two cores [control steps/s]
 SOME, MANY = 1024, 4096
 COUNTS = (1, 16, 256, SOME, MANY, 65_536)
 _ACTION = (0.4, -1.0)  # a steady cut at 1 cm/s and 45 degrees
@@ -42,12 +38,9 @@ class Rates(NamedTuple):
     """Control steps per second; the best of interleaved rounds."""
 
     native: float
-    bare: float
-    """Rate of the batched updates alone: no assessment, no observation, no info, no ends."""
-    single_file: float
-    """Rate of the updates alone, in rows of one cut."""
-    resets: float
-    """Number of environments reset per second."""
+    bare: float  # rate of the batched updates alone: no assessment, no observation, no info, no ends
+    single_file: float  # rate of the updates alone, in rows of one cut
+    resets: float  # number of environments reset per second
 
 
 _update_row, _hold_some = update_row(STRAIGHT), hold_some(STRAIGHT)

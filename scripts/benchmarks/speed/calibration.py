@@ -16,8 +16,7 @@ from scripts.benchmarks.speed.measured import Measured, Number, at_most
 from scripts.validation.measurement import calibrate_virtual_rig
 from scripts.validation.measurement.calibrate_virtual_rig import SEED, SPEEDS
 
-LIVERS = 6
-"""Number of livers; each is cut at seven speeds and two angles: 84 cuts."""
+LIVERS = 6  # number of livers; each is cut at seven speeds and two angles: 84 cuts
 ALLOWED = 1.0
 """Largest acceptable time of calibrating, in times of reading the files: a user waits for the disk, not for us."""
 
@@ -27,12 +26,9 @@ class SessionTimes(NamedTuple):
 
     cuts: int
     readings: int
-    reading: float
-    """Time to read its CSV files."""
-    measuring: float
-    """Time to measure every cut, several times for the loading ratio."""
-    together: float
-    """Time to fit one tissue to the cuts, bootstrap and scales included."""
+    reading: float  # time to read its CSV files
+    measuring: float  # time to measure every cut, several times for the loading ratio
+    together: float  # time to fit one tissue to the cuts, bootstrap and scales included
 
 
 def session(livers: int = LIVERS, speeds: Sequence[float] = SPEEDS) -> list[Trace]:

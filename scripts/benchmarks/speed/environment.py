@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 import cutenv  # noqa: F401  registers the environment
 from scripts.benchmarks.speed.measured import Measured, Number, at_most, fastest
 
-ALLOWED_OVER_PENDULUM = 1.0
-"""Largest acceptable time of a step, 20 force updates, over a step of Pendulum-v1."""
+ALLOWED_OVER_PENDULUM = 1.0  # largest acceptable time of a step, 20 force updates, over a step of Pendulum-v1
 
 _ENVIRONMENTS = ("cutenv/GentleCut-v1", "Pendulum-v1", "CartPole-v1")
 

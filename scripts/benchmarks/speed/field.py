@@ -12,11 +12,9 @@ from cutenv.display.viewer.drawn_slab import Slab
 from cutenv.sim.tissue.cut_model import CutModel
 from scripts.benchmarks.speed.measured import Measured, Number, at_most
 
-MESHES = ((8, 15), (40, 75))
-"""Numbers of elements across and along."""
+MESHES = ((8, 15), (40, 75))  # numbers of elements across and along
 FRAME_MS = 1e3 / 60.0
-ALLOWED_OF_FRAME = 0.1
-"""Share of a frame's time that 99 % of the displacements may take: the rest is for drawing."""
+ALLOWED_OF_FRAME = 0.1  # share of a frame's time that 99 % of the displacements may take: the rest is for drawing
 
 Microseconds = NDArray[np.float64]
 
@@ -25,13 +23,10 @@ class FieldTimes(NamedTuple):
     """Times for one mesh [us], shapes (updates,)."""
 
     n_equations: int
-    first: float
-    """Time of a new model's first displacement [ms]: assembly, factorisation, one solve for each tip."""
+    first: float  # time of a new model's first displacement [ms]: assembly, factorisation, one solve for each tip
     nodes: Microseconds
-    product: Microseconds
-    """Times of the bare weighted sum of two precomputed fields: one product of matrix and vector."""
-    lattice: Microseconds
-    """Times of the lattice that the viewer draws."""
+    product: Microseconds  # times of the bare weighted sum of two precomputed fields: one product of matrix and vector
+    lattice: Microseconds  # times of the lattice that the viewer draws
 
 
 def field_times(divisions: tuple[int, int], updates: int = 2000) -> FieldTimes:

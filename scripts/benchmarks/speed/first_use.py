@@ -11,8 +11,7 @@ from typing import NamedTuple
 
 from scripts.benchmarks.speed.measured import Measured, Number, at_most
 
-ALLOWED_S = 5.0
-"""Largest acceptable time of the first use [s]: a few seconds."""
+ALLOWED_S = 5.0  # largest acceptable time of the first use [s]: a few seconds
 BATCH = 64
 _MADE = {
     "one environment": "gymnasium.make('cutenv/GentleCut-v1')",
@@ -40,10 +39,8 @@ _LIMIT_S = 600.0
 class FirstUse(NamedTuple):
     """Times from import to the end of the first step [s]."""
 
-    first: float
-    """Time with an empty cache on disk."""
-    next: float
-    """Time in the next process."""
+    first: float  # time with an empty cache on disk
+    next: float  # time in the next process
 
 
 def seconds(program: str, kept: Path) -> float:

@@ -15,14 +15,10 @@ from cutenv.sim.tissue import Specimen, SteeredModel
 from cutenv.sim.tissue.lines import straight
 from scripts.benchmarks.speed.measured import Measured, Number, at_most
 
-EMPTY, THREADED = "empty", "model in a second thread"
-"""Names of loops."""
-UPDATES = 8000
-"""Milliseconds of each loop."""
-ALLOWED = 20e-6
-"""Largest delay of an update by the second thread, at the 99.9th percentile [s]."""
-SWITCH_INTERVAL = 1e-5
-"""Time after which Python lets the other thread go on [s]; its own default is 5 ms."""
+EMPTY, THREADED = "empty", "model in a second thread"  # names of loops
+UPDATES = 8000  # milliseconds of each loop
+ALLOWED = 20e-6  # largest delay of an update by the second thread, at the 99.9th percentile [s]
+SWITCH_INTERVAL = 1e-5  # time after which Python lets the other thread go on [s]; its own default is 5 ms
 _SPIN = 2e-4  # of each millisecond that is waited for awake [s]
 _UPRIGHT = math.radians(90.0)
 

@@ -9,8 +9,7 @@ from pathlib import Path
 
 from cutenv._engine.parallel import cores
 
-BLAS_THREADS = "OMP_NUM_THREADS"
-"""Environment variable with the number of threads of linear algebra."""
+BLAS_THREADS = "OMP_NUM_THREADS"  # environment variable with the number of threads of linear algebra
 LIBRARIES = ("gymnasium", "numba", "numpy", "scipy")
 _CPUINFO = Path("/proc/cpuinfo")
 

@@ -24,8 +24,7 @@ class LevelTimes(NamedTuple):
     n_equations: int
     whole: float
     """Time of a new model with its stiffness at every tip: mesh, assembly, factorisation, a solve for each tip."""
-    analysis: float
-    """Time of one analysis of the assembled model: a factorisation and a solve."""
+    analysis: float  # time of one analysis of the assembled model: a factorisation and a solve
 
 
 def level_times(rounds: int = 5) -> dict[str, LevelTimes]:

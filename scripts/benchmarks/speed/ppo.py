@@ -17,8 +17,7 @@ from scripts.benchmarks.speed.measured import Measured, Number, at_most
 
 PROGRAM = ("-m", "scripts.benchmarks.speed.training_speed")
 LEARNERS = ("stable_baselines3", "torch", "safetensors")
-ALLOWED_SHARE = 0.1
-"""Share of the time of training that the environments may take."""
+ALLOWED_SHARE = 0.1  # share of the time of training that the environments may take
 _LIMIT_S = 600.0
 _UNITS = {"decisions": "1", "decisions_per_s": "1/s", "environments_share": "1"}
 

@@ -13,10 +13,8 @@ from cutenv.records import load, save
 from cutenv.sim.trace import Trace
 from scripts.benchmarks.speed.measured import Measured, Number, at_most, fastest
 
-TIMES_LOADTXT = 3.0
-"""Largest acceptable time of reading, in times of numpy.loadtxt."""
-READINGS, CUTS = 30_000, 4
-"""Readings of one cut, 30 s at 1 kHz; and number of cuts in the file."""
+TIMES_LOADTXT = 3.0  # largest acceptable time of reading, in times of numpy.loadtxt
+READINGS, CUTS = 30_000, 4  # readings of one cut, 30 s at 1 kHz; and number of cuts in the file
 _ROUNDS = 5
 
 

@@ -17,8 +17,7 @@ from scripts.benchmarks.speed.measured import Number
 FORMAT = "cutenv bench 1"
 _CURE = "Make one with: python -m scripts.benchmarks.speed.bench --json FILE"
 
-Numbers = Mapping[str, Mapping[str, Number]]
-"""Numbers by benchmark and name."""
+Numbers = Mapping[str, Mapping[str, Number]]  # numbers by benchmark and name
 
 
 class Record(NamedTuple):

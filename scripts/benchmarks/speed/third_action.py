@@ -17,12 +17,11 @@ from cutenv.task.registry import TASKS
 from scripts.benchmarks.speed.measured import Measured, Number, at_most
 
 COUNT, STEPS, ROUNDS = 1024, 60, 5
-ALLOWED = 2.0
-"""Most times the time of GentleCut-v1 that a decision should take."""
+ALLOWED = 2.0  # most times the time of GentleCut-v1 that a decision should take
 
 ThirdActions = Callable[[np.random.Generator, int], NDArray[np.float64]]
 """Third actions of n cuts in a decision, shape (n,)."""
-MOTIONS: dict[str, dict[str, ThirdActions]] = {
+MOTIONS: dict[str, dict[str, ThirdActions]] = {  # motions of each task by name; lines of all kinds are cut along
     "depth": {
         "at a constant level": lambda rng, count: np.zeros(count),
         "at random": lambda rng, count: rng.uniform(-1.0, 1.0, count),
@@ -33,15 +32,13 @@ MOTIONS: dict[str, dict[str, ThirdActions]] = {
         "turning at random": lambda rng, count: rng.uniform(-1.0, 1.0, count),
     },
 }
-"""Motions of each task by name; lines of all kinds are cut along."""
 
 
 class RatesBeside(NamedTuple):
     """Decisions per second; the best of interleaved rounds."""
 
     own: float
-    gentle: float
-    """Those of GentleCut-v1, under the same speed and angle."""
+    gentle: float  # those of GentleCut-v1, under the same speed and angle
 
 
 def seconds_of(batch: CutBatch, actions: list[NDArray[np.float64]]) -> float:

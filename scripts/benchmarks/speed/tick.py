@@ -13,8 +13,7 @@ from cutenv.sim.plant import Plant, SimulatedPlant
 from cutenv.sim.tissue import Specimen
 from scripts.benchmarks.speed.measured import Measured, Number, at_most
 
-ALLOWED_NS = 20_000.0
-"""Largest acceptable delay of 99.9 % of the updates over the empty loop [ns]."""
+ALLOWED_NS = 20_000.0  # largest acceptable delay of 99.9 % of the updates over the empty loop [ns]
 _UPDATES = 20_000
 _EDGES = np.array([0, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000, np.inf])
 _PERCENTILES = (50.0, 99.0, 99.9, 100.0)

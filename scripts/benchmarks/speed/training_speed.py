@@ -38,8 +38,7 @@ from scripts import ROOT
 sys.path.append(str(ROOT / "agents"))  # the programs there are no package
 import ppo_gru
 
-SKILLED = "ppo-free"
-"""Name of the shipped agent whose weights are used."""
+SKILLED = "ppo-free"  # name of the shipped agent whose weights are used
 _NEXT_TO_NOTHING = 1e-9  # learning rate
 
 

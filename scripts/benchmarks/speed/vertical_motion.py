@@ -47,8 +47,7 @@ class BareRates(NamedTuple):
     """Updates per second of one core's own time, so that other programs disturb little; the best of many rounds."""
 
     own: float
-    gentle: float
-    """Those of GentleCut-v1, under the same commands along the cut."""
+    gentle: float  # those of GentleCut-v1, under the same commands along the cut
 
 
 def tissue(count: int) -> list[Specimen]:

@@ -41,12 +41,11 @@ FIGURES: dict[str, Callable[[Path, bool], None]] = {
 }
 """Figures by name; each takes where to draw and whether to be quick."""
 
-NOT_DRAWN = {
+NOT_DRAWN = {  # Figures of chapters 2 to 7 that are not drawn anew, and why
     "2.1 to 2.4": "sketches of methods by others",
     "3.1, 3.9, 5.1, 7.1": "photographs of the apparatus; what the camera and the C-arms see is in 3.10, 3.11 and 7.2",
     "7.12": "lost: what is drawn is the layout that we fitted to Table 7.1",
 }
-"""Figures of chapters 2 to 7 that are not drawn anew, and why."""
 
 
 def draw(name: str, folder: Path, quick: bool) -> Path:

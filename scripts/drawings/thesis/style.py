@@ -17,7 +17,7 @@ LEM_LABEL = "LEM [10$^3$ N/m$^2$]"
 DISTANCE_LABEL = "distance from the constrained edge [cm]"
 DISPLACEMENT_LABEL = "displacement of the blade [cm]"
 
-STYLE = {
+STYLE = {  # Matplotlib settings for every figure
     "font.family": "DejaVu Sans",
     "font.size": 9,
     "axes.titlesize": 9,
@@ -29,7 +29,6 @@ STYLE = {
     "lines.linewidth": 1.0,
     "errorbar.capsize": 2.5,
 }
-"""Matplotlib settings for every figure."""
 
 
 def panels(

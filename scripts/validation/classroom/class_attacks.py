@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 
 TESTS = Path("tests") / "people" / "classroom"
-ATTACKS = (
+ATTACKS = (  # attack, what happens, and its test below TESTS
     (
         "readings that the law does not confirm",
         "refused, and the teacher sees it",
@@ -222,7 +222,6 @@ ATTACKS = (
         "test_xapi_statements.py::test_a_store_that_fails_is_asked_again_and_gets_every_statement_once",
     ),
 )
-"""Attack, what happens, and its test below :data:`TESTS`."""
 
 
 def markdown() -> str:

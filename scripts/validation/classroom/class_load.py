@@ -40,10 +40,8 @@ from scripts.validation.classroom.malformed_messages import malformed_bytes, mal
 
 DEFAULT = Path("runs") / "class-load.json"
 PARTS_OF_LOAD = ("nonsense", "study", "kills", "load", "servers")
-MOVEMENT = 16
-"""Bytes of a millisecond of a hand."""
-PATIENCE = 120.0
-"""Seconds for one answer on a busy machine."""
+MOVEMENT = 16  # bytes of a millisecond of a hand
+PATIENCE = 120.0  # seconds for one answer on a busy machine
 
 
 class Served:

@@ -9,12 +9,11 @@ from urllib.parse import urlsplit
 
 import numpy as np
 
-TEXTS = (
+TEXTS = (  # texts of attacks, and of ordinary carelessness
     "", "x" * 3000, "\x00", "\r\nX: y", "²", "-1", "1e9", "NaN", "٣", "' OR 1=1 --", "<script>alert(1)</script>",
     "../../etc/passwd", "..\\..\\class.db", "%2e%2e%2f", "%00", "{{7*7}}", "=cmd|' /C calc'!A0",
     "\ud7ff\uffff", "🔪" * 50,
 )  # fmt: skip
-"""Texts of attacks, and of ordinary carelessness."""
 PATHS = (
     "/", "/cut", "/cuts", "/cuts/{}", "/cuts/{}/begun", "/leave", "/teacher", "/teacher/codes", "/teacher/delete",
     "/teacher/{}/records.zip", "/teacher/{}/{}", "/teacher/open/{}", "/rig", "/rig/readings", "/{}",

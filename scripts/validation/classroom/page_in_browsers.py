@@ -226,8 +226,7 @@ def markdown(kept: dict[str, Any]) -> str:
     return f"{markdown_table(columns, rows)}\n\n" + "\n".join(sentences)
 
 
-def main() -> None:
-    """Measure, print, and keep."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument(
         "--json", type=Path, metavar="FILE", help=f"keep the numbers there; the page is made from {DEFAULT}"
@@ -239,7 +238,3 @@ def main() -> None:
     print(markdown(kept))
     if arguments.json is not None:
         keep_json(arguments.json, kept)
-
-
-if __name__ == "__main__":
-    main()

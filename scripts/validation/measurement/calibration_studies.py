@@ -53,8 +53,7 @@ CONDITIONS: dict[str, Callable[[Trace, Specimen, int, int], Trace]] = {
 }
 """Records that are calibrated, made of the virtual rig's, their specimens, and a study's seed and the cut's number."""
 
-Outcome = tuple[float, bool]
-"""A number found over that put in [1], and whether its interval holds that."""
+Outcome = tuple[float, bool]  # a number found over that put in [1], and whether its interval holds that
 
 
 def outcome(tissue: TissueDescription, name: str, put_in: float) -> Outcome:
@@ -97,14 +96,9 @@ def report(studies: int = STUDIES, seed: int = SEED) -> str:
     return f"{markdown_table(header, rows)}\n\n{studies} studies of {LIVERS} livers, {LIVERS * 14} cuts each."
 
 
-def main() -> None:
-    """Cut, calibrate, print."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--studies", type=int, default=STUDIES)
     parser.add_argument("--seed", type=int, default=SEED, help="one less than that of the first study")
     arguments = parser.parse_args()
     print(report(arguments.studies, arguments.seed))
-
-
-if __name__ == "__main__":
-    main()

@@ -26,8 +26,7 @@ class FilmedCut(NamedTuple):
     trace: Trace
     tracks: BeadTracks
     specimen: Specimen
-    places: Array
-    """Beads before the cut, shape (n, 3) [m]."""
+    places: Array  # beads before the cut, shape (n, 3) [m]
 
 
 def slice_of_zones(borders: Sequence[float], moduli: Sequence[float], depth: float) -> Specimen:

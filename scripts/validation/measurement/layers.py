@@ -24,11 +24,9 @@ from scripts.tables import keep_json, kept_json, markdown_table
 from scripts.validation.measurement.stepped_cuts import DEPTHS, stepped_cut
 
 KEPT = Path("runs") / "layers" / "layers.json"
-CUTS = 6
-"""Number of cuts in a study."""
-SURFACE_ERROR = 0.0003
-"""Error of the depth as measured beforehand, one for each cut [m]."""
-PUT_IN: Mapping[str, Layers] = {
+CUTS = 6  # number of cuts in a study
+SURFACE_ERROR = 0.0003  # error of the depth as measured beforehand, one for each cut [m]
+PUT_IN: Mapping[str, Layers] = {  # layers that are put in, by name
     "one tissue": Layers(),
     "tougher and stiffer from 10 mm": Layers(boundary=0.010, deep_toughness=3.0, deep_modulus=2.0),
     "weaker and softer from 9 mm": Layers(boundary=0.009, deep_toughness=0.4, deep_modulus=0.5),
@@ -36,16 +34,13 @@ PUT_IN: Mapping[str, Layers] = {
         capsule_thickness=0.0005, capsule_toughness=10.0, capsule_modulus=3.0
     ),
 }
-"""Layers that are put in, by name."""
-GIVEN: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
+GIVEN: Mapping[str, Mapping[str, Mapping[str, Any]]] = {  # numbers that the analysis is told, by what was put in
     "one tissue": {"nothing given": {}, "layer said to begin at 10 mm": {"boundary": 0.010}},
     "tougher and stiffer from 10 mm": {"its depth given": {"boundary": 0.010}, "nothing given": {}},
     "weaker and softer from 9 mm": {"its depth given": {"boundary": 0.009}, "nothing given": {}},
     "a capsule of 0.5 mm, ten times as tough": {"its thickness given": {"capsule_thickness": 0.0005}},
 }
-"""Numbers that the analysis is told, by what was put in."""
-SHALLOW = (0.002, 0.010, 0.003, 0.006)
-"""Depths of cuts that tell of a capsule [m]."""
+SHALLOW = (0.002, 0.010, 0.003, 0.006)  # depths of cuts that tell of a capsule [m]
 
 
 def cut_in_steps(layers: Layers, study: int, number: int) -> tuple[Trace, list[DepthSection], dict[str, float]]:
@@ -165,8 +160,7 @@ def layer_table(kept: Mapping[str, Any]) -> str:
     )
 
 
-def main() -> None:
-    """Run the command line."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--studies", type=int, default=40, metavar="N", help="studies of each kind; default 40")
     parser.add_argument("--print", action="store_true", help="print the kept tables without measuring again")
@@ -176,7 +170,3 @@ def main() -> None:
     if not arguments.print:
         keep_json(KEPT, measure(arguments.studies))
     print(tables(kept_json(KEPT, "scripts.validation.measurement.layers")))
-
-
-if __name__ == "__main__":
-    main()

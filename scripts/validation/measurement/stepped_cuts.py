@@ -25,14 +25,11 @@ from cutenv.sim.tissue import Layers, Specimen
 from cutenv.sim.tissue.grid import depth_below
 from cutenv.sim.trace import Trace
 
-STEP, BACK = 0.026, 0.013
-"""Length of the cut at one depth, and of the way back from it [m]."""
+STEP, BACK = 0.026, 0.013  # length of the cut at one depth, and of the way back from it [m]
 CLEAR = 0.0005
 """Height by which the blade is raised before it goes back, so that its edge does not rub on the floor [m]."""
-SLOPE = 0.6
-"""Change of the depth over the way along the cut, from one depth to the next [1]."""
-DEPTHS = (0.006, 0.012, 0.008, 0.014)
-"""Depths below the surface, one after the other [m]."""
+SLOPE = 0.6  # change of the depth over the way along the cut, from one depth to the next [1]
+DEPTHS = (0.006, 0.012, 0.008, 0.014)  # depths below the surface, one after the other [m]
 VERTICAL_NOISE, VERTICAL_STEP = 0.02, 0.1
 """Noise and resolution of the vertical force [N]: the thesis's sensor has 0.1 N along its own axis."""
 _DESCENT = 0.010  # [m/s], fastest

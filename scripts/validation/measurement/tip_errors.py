@@ -24,15 +24,13 @@ from cutenv.records.scoring.scored_cut import ScoredCut
 from cutenv.sim.plant import to_trace
 from cutenv.sim.trace import Trace
 
-POLICIES = {
+POLICIES = {  # scripts by what they do before the end
     "constant feed": "constant 1.65 cm/s 45 deg",
     "one return stroke": "return stroke",
     "probe and creep": "probe and creep",
 }
-"""Scripts by what they do before the end."""
 CONTROL_HZ = 50
-FAR = 2.0
-"""Error from which a tip counts as far off [mm]."""
+FAR = 2.0  # error from which a tip counts as far off [mm]
 
 
 class Record(NamedTuple):
@@ -99,13 +97,8 @@ def report(specimens: int = 200) -> str:
     return "\n".join(lines)
 
 
-def main() -> None:
-    """Run the command line."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--specimens", type=int, default=200, metavar="N", help="held-out specimens; default 200")
     arguments = parser.parse_args()
     print(report(arguments.specimens), flush=True)
-
-
-if __name__ == "__main__":
-    main()

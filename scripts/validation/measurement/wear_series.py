@@ -28,14 +28,10 @@ from cutenv.sim.tissue.specimen import BladeWear
 from scripts.tables import keep_json
 
 DEFAULT = Path("runs") / "wear.json"
-LENGTH = 0.08
-"""Length of each cut [m]."""
-SPEED = 0.0127
-"""Speed of each cut [m/s]."""
-WEARS = (0.0, 0.1, 0.25, 0.5)
-"""Rises of R put in [1/m]: none, and the assumed range."""
-CUTS = {"liver": 36, "uniform": 8}
-"""Number of cuts of a series, by class of specimens."""
+LENGTH = 0.08  # length of each cut [m]
+SPEED = 0.0127  # speed of each cut [m/s]
+WEARS = (0.0, 0.1, 0.25, 0.5)  # rises of R put in [1/m]: none, and the assumed range
+CUTS = {"liver": 36, "uniform": 8}  # number of cuts of a series, by class of specimens
 
 
 def series(specimen_class: str, wear: float, number: int) -> tuple[list[float], list[float]]:
@@ -86,8 +82,7 @@ def table(kept: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def main() -> None:
-    """Run all series, and print the table."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--series", type=int, default=20, metavar="N", help="series of each row; default 20")
     parser.add_argument("--json", type=Path, metavar="FILE", help=f"keep the rows there; the page has {DEFAULT}")
@@ -99,7 +94,3 @@ def main() -> None:
     print(table(found))
     if arguments.json is not None:
         keep_json(arguments.json, found)
-
-
-if __name__ == "__main__":
-    main()

@@ -18,8 +18,7 @@ UPRIGHT, INCLINED = math.radians(90.0), math.radians(45.0)
 FEED = 0.01e-3 * np.arange(1, TICKS + 1)  # 1 cm/s [m]
 FLIPS = np.where(np.arange(TICKS) % 2 == 0, UPRIGHT, INCLINED)
 
-Motion = tuple[Any, Any]
-"""Positions [m], shape (3000,), and angles [rad], of that shape or one for all."""
+Motion = tuple[Any, Any]  # positions [m], shape (3000,), and angles [rad], of that shape or one for all
 
 
 def _reversing(step: float) -> Any:

@@ -36,8 +36,7 @@ _PARTS = ("along", "coupled, over that along", "across")
 _NEAR_AXIS = 0.02  # distance of a line to the slab's axis [m] beyond which the side is near, and elements are oblique
 _BESIDE_FROM = 0.04  # length of a line after which a crack runs as far beside it as it is to [m]
 _STEP = 0.02  # of an element, by which the tip moves for a derivative
-KINKS = (15.0, 30.0, 45.0)
-"""Angles of kinks [degrees]."""
+KINKS = (15.0, 30.0, 45.0)  # angles of kinks [degrees]
 
 
 def led_along(line: CutLine, model: SteeredModel, length: float) -> tuple[Any, Any]:

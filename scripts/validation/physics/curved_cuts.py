@@ -19,8 +19,7 @@ from scripts.tables import markdown_table
 from scripts.validation.physics.curves.entry import HEADER, measured
 from scripts.validation.physics.curves.made import make
 
-FOLDER = ROOT / "assets" / "benchmark" / "curves"
-"""Files of the benchmark."""
+FOLDER = ROOT / "assets" / "benchmark" / "curves"  # files of the benchmark
 
 
 def table(folder: Path = FOLDER) -> str:

@@ -33,15 +33,14 @@ from scripts.validation.physics.adversarial_motions import FEED, MOTIONS, TICKS,
 from scripts.validation.physics.promises import Led, Row, account_rows, differing, run, share_row
 
 LAYERED = Layers(capsule_thickness=5e-4, capsule_toughness=8.0, boundary=0.01, deep_toughness=5.0, deep_modulus=2.0)
-SLAB_LAYERS = (
+SLAB_LAYERS = (  # layers whose stiffness is compared with bricks; the fit of their reach has not seen them
     Layers(capsule_thickness=0.5e-3, capsule_modulus=10.0),
     Layers(boundary=0.008, deep_modulus=2.0),
     Layers(boundary=0.008, deep_modulus=0.3),
     Layers(boundary=0.005, deep_modulus=5.0),
     Layers(boundary=0.015, deep_modulus=5.0),
 )
-"""Layers whose stiffness is compared with bricks; the fit of their reach has not seen them."""
-VERTICAL: dict[str, Callable[[np.random.Generator], Any]] = {
+VERTICAL: dict[str, Callable[[np.random.Generator], Any]] = {  # one level each millisecond [m], by name
     "white jitter of 1 mm": lambda rng: rng.normal(0.0, 1e-3, TICKS),
     "5 mm up and down each millisecond": lambda rng: np.where(np.arange(TICKS) % 2 == 0, 0.0, -0.005),
     "anywhere at once": lambda rng: rng.uniform(-0.03, 0.03, TICKS),
@@ -49,11 +48,9 @@ VERTICAL: dict[str, Callable[[np.random.Generator], Any]] = {
     "pumping at 25 Hz": lambda rng: -2e-3 * (1.0 + np.sin(2.0 * math.pi * 25e-3 * np.arange(TICKS))),
     "steps of 1e-12 m": lambda rng: -0.004 - 1e-12 * np.arange(TICKS),
 }
-"""One level each millisecond [m], by name."""
 
 _LEVEL, _DESCENT = 0.016, 0.0015  # at which a pressed blade begins [m], and how fast it goes down [m/s]
-XIS = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
-"""Slice-push ratios: drawn over pressed length [1]."""
+XIS = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # slice-push ratios: drawn over pressed length [1]
 
 LEVEL_TOLERANCE = 0.02
 """Largest difference between work and the integral of the forces, and of the area from that of the floor [1]."""
@@ -303,13 +300,8 @@ def markdown() -> str:
     return promises.markdown(CHECKS, 4)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Check and print; return 1 if a promise is not kept."""
-    if (sys.argv[1:] if argv is None else list(argv)) == ["--slice-push"]:
-        print(slice_push())
-        return 0
-    return run(__doc__, CHECKS, argv)
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    if sys.argv[1:] == ["--slice-push"]:
+        print(slice_push())
+    else:
+        sys.exit(run(__doc__, CHECKS))

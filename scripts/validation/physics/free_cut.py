@@ -24,29 +24,21 @@ from cutenv.task.registry import TASKS
 from scripts.tables import markdown_table
 
 KINDS = ("arc", "s", "excision", "random")
-CUTS = 5
-"""Cuts of each kind of line."""
-RATE = 50.0
-"""Decisions a second that are real time [Hz]."""
+CUTS = 5  # cuts of each kind of line
+RATE = 50.0  # decisions a second that are real time [Hz]
 
 
 class Compared(NamedTuple):
     """Difference of the two environments under the same actions, until the first of both cuts ends."""
 
-    force: float
-    """Root mean square of the difference of the forces [N]."""
-    felt: float
-    """Root mean square of the force in PathCut-v1 [N]."""
-    tip: float
-    """Mean distance of the tips along the line [mm]."""
-    aside: float
-    """Largest distance between the cuts, beside the line [mm]."""
+    force: float  # root mean square of the difference of the forces [N]
+    felt: float  # root mean square of the force in PathCut-v1 [N]
+    tip: float  # mean distance of the tips along the line [mm]
+    aside: float  # largest distance between the cuts, beside the line [mm]
     returns: tuple[float, float]
     """Return of PathCut-v1 and of FreeCut-v1 under the script, each by its own observations [1]."""
-    rate: float
-    """Decisions of FreeCut-v1 a second of processor time [Hz]."""
-    residual: float
-    """Residual of the energy account of FreeCut-v1 [J]."""
+    rate: float  # decisions of FreeCut-v1 a second of processor time [Hz]
+    residual: float  # residual of the energy account of FreeCut-v1 [J]
 
 
 def _scripted(env: PathCutEnv, seed: int) -> tuple[list[Any], float]:

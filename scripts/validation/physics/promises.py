@@ -80,8 +80,7 @@ def share_row(what: str, shares: Sequence[float], most: float) -> Row:
     return Row(what, f"{100 * min(shares):+.2f} to {100 * max(shares):+.2f} %", "within 2 %", worst <= most)
 
 
-Checks = Mapping[str, Callable[[Sequence[Specimen]], Iterator[Row]]]
-"""Rows of each part, of sampled specimens."""
+Checks = Mapping[str, Callable[[Sequence[Specimen]], Iterator[Row]]]  # rows of each part, of sampled specimens
 
 
 def markdown(checks: Checks, specimens: int) -> str:
@@ -91,19 +90,14 @@ def markdown(checks: Checks, specimens: int) -> str:
     return markdown_table(("what", "found", "promised"), rows)
 
 
-def run(
-    about: str | None,
-    checks: Checks,
-    argv: Sequence[str] | None,
-    draw: Callable[[Path], None] | None = None,
-) -> int:
+def run(about: str | None, checks: Checks, draw: Callable[[Path], None] | None = None) -> int:
     """Run the command line of a script that is described by ``about``; return 1 if a promise is not kept."""
     parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--specimens", type=int, default=4, metavar="N", help="default 4")
     parser.add_argument("--only", nargs="+", choices=checks, default=[*checks], metavar="PART", help=", ".join(checks))
     if draw is not None:
         parser.add_argument("--picture", type=Path, metavar="FILE", help="draw a cut into a PNG or SVG instead")
-    arguments = parser.parse_args(argv)
+    arguments = parser.parse_args()
     if arguments.specimens < 1:
         parser.error(f"--specimens {arguments.specimens} is less than 1")
     if draw is not None and arguments.picture is not None:

@@ -30,8 +30,7 @@ SETTINGS = {
     "NumPy for the plainest": _NUMPY,
 }  # fmt: skip
 STEPS, BATCH = 200, 64
-EPISODES = {"gentle": 6, "depth": 6, "path": 24}
-"""Single cuts of each task."""
+EPISODES = {"gentle": 6, "depth": 6, "path": 24}  # single cuts of each task
 
 
 def digests(batch: int = BATCH) -> dict[str, str]:

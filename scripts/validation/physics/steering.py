@@ -31,24 +31,21 @@ from scripts.validation.physics import crack_truth, promises
 from scripts.validation.physics.adversarial_motions import FEED, MOTIONS, TICKS, UPRIGHT
 from scripts.validation.physics.promises import Led, Row, account_rows, differing, run, share_row
 
-LINES = {
+LINES = {  # lines to cut along, by name
     "straight": straight(),
     "arc, radius 40 mm": arc(0.04),
     "S, radius 30 mm": s_shape(0.03, 0.08),
     "half an excision": half_ellipse(),
     "random": random_line(np.random.default_rng(0)),
 }
-"""Lines to cut along, by name."""
-TURNS: dict[str, Callable[[np.random.Generator], Any]] = {
+TURNS: dict[str, Callable[[np.random.Generator], Any]] = {  # one turn each millisecond [rad], by name
     "none": lambda rng: np.zeros(TICKS),
     "white jitter of 3 degrees": lambda rng: rng.normal(0.0, 0.05, TICKS),
     "round and round": lambda rng: np.full(TICKS, 2e-3),
     "23 degrees to and fro each millisecond": lambda rng: np.where(np.arange(TICKS) % 2 == 0, 0.4, -0.4),
     "aside at once": lambda rng: np.where(np.arange(TICKS) < 10, 0.05, 0.0),
 }
-"""One turn each millisecond [rad], by name."""
-TOLERANCE = 0.02
-"""Largest difference between work and the integral of the force [1]."""
+TOLERANCE = 0.02  # largest difference between work and the integral of the force [1]
 _GAIN_ANGLE, _GAIN_DISTANCE = 6.0, 400.0  # of a hand that follows a line [1/s], [1/(m s)]
 
 
@@ -276,10 +273,5 @@ def markdown() -> str:
     return promises.markdown(CHECKS, 2)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Check and print; return 1 if a promise is not kept."""
-    return run(__doc__, CHECKS, argv, draw)
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run(__doc__, CHECKS, draw))

@@ -27,12 +27,10 @@ from scripts.tables import markdown_table
 from scripts.validation.records.real_records import CUT_SAMPLES, DATA, by_trial, read_cuts
 
 RATINGS = DATA.with_name("scalpel_excision_ratings.csv")
-DRAWS, SEED = 10_000, 0
-"""Draws of trials for an interval, and their seed."""
+DRAWS, SEED = 10_000, 0  # draws of trials for an interval, and their seed
 SCALES = (1.0, 2.0, 5.0, 10.0, 20.0)
 """Newtons that the largest force of the data set may have been: it was published without a unit."""
-WIDTHS = (0.2, 0.1)
-"""Half widths of an interval that a study may want."""
+WIDTHS = (0.2, 0.1)  # half widths of an interval that a study may want
 
 
 def read_ratings(path: Path) -> dict[str, Array]:

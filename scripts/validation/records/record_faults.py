@@ -23,10 +23,8 @@ from cutenv.sim.plant.protocol import Leg, run
 from cutenv.sim.plant.simulator import SimulatedPlant
 from cutenv.sim.tissue.specimen import Specimen
 
-EACH, CLEAN = 50, 500
-"""Records of each fault, and clean ones."""
-DRAWS = {"tuning": 0, "published": 1_000_000}
-"""First seed of each draw."""
+EACH, CLEAN = 50, 500  # records of each fault, and clean ones
+DRAWS = {"tuning": 0, "published": 1_000_000}  # first seed of each draw
 _LAG = 0.015  # [m] by which the crack tip of a cut stays behind the blade, at most
 Faulty = Callable[[Readings, np.random.Generator], Readings]
 
@@ -317,12 +315,7 @@ def table(draw: str = "published", each: int = EACH, clean: int = CLEAN) -> str:
     return "\n".join(lines)
 
 
-def main() -> None:
-    """Print the table."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--draw", choices=DRAWS, default="published")
     print(table(parser.parse_args().draw))
-
-
-if __name__ == "__main__":
-    main()

@@ -75,7 +75,7 @@ def _noise(_: bytes, rng: Rng, longest: int = 40) -> bytes:
     return rng.bytes(int(rng.integers(1, longest)))
 
 
-ANY_FILE: dict[str, Callable[[bytes, Rng], bytes]] = {
+ANY_FILE: dict[str, Callable[[bytes, Rng], bytes]] = {  # kinds of damage to the bytes of a file
     "truncated": lambda content, rng: content[: rng.integers(len(content))],
     "beheaded": lambda content, rng: content[1 + rng.integers(len(content)) :],
     "bits flipped": _bits_flipped,
@@ -91,7 +91,6 @@ ANY_FILE: dict[str, Callable[[bytes, Rng], bytes]] = {
         str(rng.choice(["utf-16", "utf-16-le", "utf-32"]))
     ),
 }
-"""Kinds of damage to the bytes of a file."""
 
 
 def _any_line(change: Callable[[Lines, int, Rng], Lines]) -> Callable[[Lines, Rng], Lines]:
@@ -170,7 +169,7 @@ def _signs_exchanged(lines: Lines, rng: Rng) -> Lines:
     return [b"\n".join(lines).replace(*_EXCHANGED[rng.integers(len(_EXCHANGED))])]
 
 
-TEXT: dict[str, Callable[[Lines, Rng], Lines]] = {
+TEXT: dict[str, Callable[[Lines, Rng], Lines]] = {  # kinds of damage to the lines of a text
     "line doubled": _any_line(lambda lines, i, rng: [*lines[: i + 1], *lines[i:]]),
     "line lost": _any_line(lambda lines, i, rng: [*lines[:i], *lines[i + 1 :]]),
     "lines swapped": _lines_swapped,
@@ -185,7 +184,6 @@ TEXT: dict[str, Callable[[Lines, Rng], Lines]] = {
     "JSON damaged": _json_damaged,
     "signs exchanged": _signs_exchanged,
 }
-"""Kinds of damage to the lines of a text."""
 
 
 def damaged(content: bytes, kind: str, rng: Rng) -> bytes:

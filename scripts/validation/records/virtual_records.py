@@ -21,8 +21,7 @@ from cutenv.sim.tissue.grid import depth_below
 from cutenv.sim.tissue.specimen import Specimen
 from cutenv.sim.trace import Trace
 
-Flawed = tuple[Trace, tuple[int, int]]
-"""Trace with a flaw, and the first and the last row that have it."""
+Flawed = tuple[Trace, tuple[int, int]]  # trace with a flaw, and the first and the last row that have it
 
 
 @dataclass(frozen=True, kw_only=True)

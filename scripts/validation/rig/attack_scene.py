@@ -18,8 +18,7 @@ from cutenv.rig.safety.stop_causes import Cause
 from scripts.validation.rig.attacked_drivers import ORDERS, Orders
 from scripts.validation.rig.cutting_rig import SPEED, CuttingRig
 
-FARTHEST = 0.005
-"""Distance within which an attack that must stop the blade has to stop it [m]."""
+FARTHEST = 0.005  # distance within which an attack that must stop the blade has to stop it [m]
 _OF_STALLS = (Cause.FORCE_STALE, Cause.FORCE_LATE, Cause.MOTION_STALE, Cause.OVERRUN, Cause.HEARTBEAT, Cause.EXCEPTION)
 _STANDS = 2e-4  # [m/s]
 _AFTER = 0.4  # [s] of cutting before the attack
@@ -27,8 +26,7 @@ _WATCHED = 1.2  # [s] of observation after it
 _LOOKED = 0.4  # [s] between the two last observations
 
 Attack = Callable[["Scene"], None]
-Found = tuple[list[str], list[str]]
-"""Defects that a trial of its own has found, and other observations."""
+Found = tuple[list[str], list[str]]  # defects that a trial of its own has found, and other observations
 
 
 def named(name: str, about: str, attack: Attack) -> Attack:

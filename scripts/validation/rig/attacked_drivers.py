@@ -17,8 +17,7 @@ from cutenv.rig.devices.driver_registry import Mounting, rig_driver
 from cutenv.rig.devices.netft_sensor import NetftSensor
 from cutenv.rig.devices.protocols import ForceListener, ForceSample, MotionSample
 
-ORDERS = "CUTENV_ATTACK"
-"""Variable with the name of the file of :class:`Orders`."""
+ORDERS = "CUTENV_ATTACK"  # variable with the name of the file of Orders
 _LENGTH = 64  # [bytes] of an order
 _HANGS = 3.0  # [s] for which a call does not return
 

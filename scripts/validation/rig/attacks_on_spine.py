@@ -258,7 +258,7 @@ def errors_unread() -> Found:
 ENDS = (program_killed, errors_closed, errors_unread)
 """Trials of a program that ends, or is no longer read: what was wrong, and other observations."""
 _NAN, _EVER = float("nan"), float("inf")
-STOPPED = (
+STOPPED = (  # attacks that have to stop the blade
     pauses(100), pauses(300), spine_paused_and_asked, spine_terminated, spine_killed,
     scribbled("readings_overwritten", "Write noise over the readings in the shared memory for 0.3 s.", "samples"),
     scribbled(
@@ -285,9 +285,8 @@ STOPPED = (
     clock_jumps("clock_back", "Set the program's clock back by an hour, for 0.4 s.", -_HOUR),
     forked_child_beneath,
 )  # fmt: skip
-"""Attacks that have to stop the blade."""
 IGNORED: tuple[Attack, ...] = ()
-EITHER = (
+EITHER = (  # attacks that may stop it
     pauses(10), pauses(30),
     scribbled(
         "readings_spoiled",
@@ -297,4 +296,3 @@ EITHER = (
     refused("spine_files_refused", "Refuse the spine to open files for half a second.", resource.RLIMIT_NOFILE),
     refused("spine_memory_refused", "Refuse the spine more memory for half a second.", resource.RLIMIT_AS),
 )  # fmt: skip
-"""Attacks that may stop it."""

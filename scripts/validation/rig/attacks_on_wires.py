@@ -165,12 +165,10 @@ def foreign_bias(scene: Scene) -> None:
     _ask_sensor(scene, RdtCommand.BIAS)
 
 
-STOPPED = (*FRAMES, spoofed_position)
-"""Attacks that have to stop the blade."""
-IGNORED = (
+STOPPED = (*FRAMES, spoofed_position)  # attacks that have to stop the blade
+IGNORED = (  # attacks that must not stop it
     short_and_long_frames, flood_of_foreign_frames, gateway_full_of_clients, gateway_hears_garbage,
     second_program, foreign_packets_to_us,
 )  # fmt: skip
-"""Attacks that must not stop it."""
 EITHER = (foreign_bias, foreign_start, foreign_end)
 """Attacks that may stop it: the blade has to follow its commands, or stand."""

@@ -7,12 +7,9 @@ from dataclasses import dataclass
 from cutenv.rig.devices.loop import PRIORITY, SystemClock, preferred
 from scripts.validation.rig.cutting_rig import WATCHED, HostWatch
 
-LOOKED = 4.0
-"""Duration of the check [s]."""
-LATE = 0.015
-"""Lateness of a thread that soon stops a cut: readings of the force are stale after 20 ms [s]."""
-MANY = 2
-"""Number of these in :data:`LOOKED` from which half of all trials would be stopped before their fault."""
+LOOKED = 4.0  # duration of the check [s]
+LATE = 0.015  # lateness of a thread that soon stops a cut: readings of the force are stale after 20 ms [s]
+MANY = 2  # number of these in LOOKED from which half of all trials would be stopped before their fault
 
 
 class TooBusy(Exception):

@@ -17,8 +17,7 @@ from cutenv.rig.safety.stop_causes import Cause, RigStopped, StopReport, detecti
 from scripts.validation.rig.cutting_rig import PERIOD, SPEED, UPRIGHT, WATCHED, CuttingRig
 from scripts.validation.rig.rig_trials import EXPECTED_ACROSS, WAY, Trial, last_injected, stalls_around
 
-ACROSS_SPEED = 0.003
-"""Speed downwards, or to the right; upwards, or to the left, where the fault is of that way [m/s]."""
+ACROSS_SPEED = 0.003  # speed downwards, or to the right; upwards, or to the left, where the fault is of that way [m/s]
 _LAG = 0.040  # [s], time constant of the velocity loop
 _UNSTOPPED = 3.0  # [s] without a stop, after which a trial ends
 _FROM = 0.006  # [m] place from which the blade descends or goes to the right; below or opposite it goes back

@@ -17,22 +17,14 @@ from cutenv.rig.plant import rig_plant
 from cutenv.rig.safety.stop_causes import RigStopped, StopReport
 from cutenv.sim.tissue.specimen import Specimen
 
-SPEED = 0.015
-"""Speed of the cuts [m/s]."""
-PERIOD = 0.020
-"""Control period, from command to command [s]."""
-SLOW = ("serial", "grbl")
-"""Drivers of the blade on a slow rig."""
-SLOW_SPEED, SLOW_PERIOD = 0.0045, 0.100
-"""The same of such a rig."""
-STALL = 0.005
-"""Lateness of a thread that should run every 2 ms, above which the host counts as stalled [s]."""
-WATCHED = 0.002
-"""Period of that thread [s]."""
-UPRIGHT = math.pi / 2
-"""Angle of the blade [rad]."""
-LATCHED_FOR = 0.5
-"""Time for which commands are tried after a stop [s]."""
+SPEED = 0.015  # speed of the cuts [m/s]
+PERIOD = 0.020  # control period, from command to command [s]
+SLOW = ("serial", "grbl")  # drivers of the blade on a slow rig
+SLOW_SPEED, SLOW_PERIOD = 0.0045, 0.100  # the same of such a rig
+STALL = 0.005  # lateness of a thread that should run every 2 ms, above which the host counts as stalled [s]
+WATCHED = 0.002  # period of that thread [s]
+UPRIGHT = math.pi / 2  # angle of the blade [rad]
+LATCHED_FOR = 0.5  # time for which commands are tried after a stop [s]
 _BACK = 0.02  # speed back to the clamp [m/s]
 _ATTEMPTS = 5  # at beginning a cut
 _FAR = 0.09  # [m], position from which the cut continues in another specimen

@@ -119,8 +119,7 @@ def serve(port: int, target: float, wait: float, freeze: float | None) -> None:
                 plug.sendto(struct.pack("=3dI", 0.0, handle.position, 0.0, pressed), sender)
 
 
-def main() -> None:
-    """Compile the stand-in, or be the device."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--build", type=Path, metavar="FOLDER", help="compile the stand-in below this folder")
     parser.add_argument("--port", type=int, default=10002, metavar="PORT", help="port of the device, 0 for any")
@@ -134,7 +133,3 @@ def main() -> None:
         print(build(arguments.build))
     else:
         serve(arguments.port, 1e-3 * arguments.target_mm, arguments.wait, arguments.freeze)
-
-
-if __name__ == "__main__":
-    main()

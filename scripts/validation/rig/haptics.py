@@ -199,8 +199,7 @@ def _unchecked(coupling: VirtualCoupling, stiffness: float) -> VirtualCoupling:
     return made
 
 
-def main() -> None:
-    """Print the table that is asked for."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=("passivity", "z-width"), help="table")
     parser.add_argument("--minutes", type=float, default=10.0, help="simulated time; default 10")
@@ -210,7 +209,3 @@ def main() -> None:
         z_width()
     else:
         passivity(arguments.minutes, arguments.late)
-
-
-if __name__ == "__main__":
-    main()

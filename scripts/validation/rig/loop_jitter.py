@@ -27,11 +27,9 @@ from cutenv.rig.devices import DriveState, ForceSample, Latch, MotionSample, Mou
 from cutenv.rig.devices.loop import prefer, preferred, undisturbed
 from cutenv.rig.plant import rig_plant
 
-PERIOD = 0.001
-"""Period of the loop [s]."""
+PERIOD = 0.001  # period of the loop [s]
 PERCENTILES = (50.0, 99.0, 99.9, 100.0)
-ALLOWED = 0.3e-3
-"""Greatest jitter that a spine should have at the 99.9th percentile, beyond the empty loop's [s]."""
+ALLOWED = 0.3e-3  # greatest jitter that a spine should have at the 99.9th percentile, beyond the empty loop's [s]
 
 
 class InMemory:

@@ -36,19 +36,17 @@ _HELD: dict[str, Callable[[Outcome], bool]] = {
     "ignored": lambda outcome: outcome.goes_on,
     "either": lambda outcome: outcome.safe,
 }
-ATTACKS: dict[str, tuple[Attack, str]] = {
+ATTACKS: dict[str, tuple[Attack, str]] = {  # attacks by name, each with the required outcome
     attack.__name__: (attack, wanted)
     for part in _PARTS
     for wanted, attacks in (("stopped", part.STOPPED), ("ignored", part.IGNORED), ("either", part.EITHER))
     for attack in attacks
 }
-"""Attacks by name, each with the required outcome."""
 TRIALS = {trial.__name__: trial for trial in (*attacks_on_spine.ENDS, *attacks_by_policy.POLICIES)}
 """Trials by name, each on an emulated rig of its own: what was wrong, or nothing, and what was seen."""
-ABOUT = {name: str(attack.__doc__) for name, (attack, _) in ATTACKS.items()} | {
+ABOUT = {name: str(attack.__doc__) for name, (attack, _) in ATTACKS.items()} | {  # description of each, by its name
     name: str(trial.__doc__) for name, trial in TRIALS.items()
 }
-"""Description of each, by its name."""
 
 
 @dataclass(frozen=True)

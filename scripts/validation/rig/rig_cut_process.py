@@ -56,8 +56,7 @@ class CutProcess:
                 raise RigError("the process that cuts prints nothing any more; the reason is printed above.")
             self._read += read
         line, _, self._read = self._read.partition(b"\n")
-        told: dict[str, Any] = json.loads(line)
-        return told
+        return json.loads(line)
 
     def end(self) -> None:
         """End the process, whatever it is doing."""
@@ -140,11 +139,6 @@ def cut_until_stopped(ready: dict[str, Any], seed: int, tell: Callable[[dict[str
         rig.close()
 
 
-def main() -> None:
-    """Cut in a child process."""
+if __name__ == "__main__":
     ready, seed = sys.argv[1:]
     cut_until_stopped(json.loads(ready), int(seed), lambda told: print(json.dumps(told), flush=True))
-
-
-if __name__ == "__main__":
-    main()

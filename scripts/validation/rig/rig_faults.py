@@ -61,8 +61,7 @@ KNOWN = {"": EXPECTED, **EXPECTED_ACROSS, "serial": EXPECTED_OF_SERIAL, "grbl": 
 """Faults by the kind of rig, "" that of the drives on a bus."""
 DEFAULTS = {kind: Path("runs") / f"rig-faults{kind and f'-{kind}'}.json" for kind in KNOWN}
 """Files of the trials from which the documentation is made, by kind of rig."""
-PART = ".part.json"
-"""End of the name of a file of a run that goes on."""
+PART = ".part.json"  # end of the name of a file of a run that goes on
 _ATTEMPTS = 8  # at a trial that the host's stalls prevent
 _LOOKED_AT = (1, 4)  # failed attempts after which the machine's load is checked
 HEADER = (

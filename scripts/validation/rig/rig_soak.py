@@ -188,8 +188,7 @@ def markdown(kept: dict[str, Any]) -> str:
     return f"```\n{text(kept)}\n```"
 
 
-def main() -> None:
-    """Run the soak test, print and store its results."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add = parser.add_argument
     add("--minutes", type=float, default=5.0, metavar="M", help="of cutting; default 5")
@@ -200,7 +199,3 @@ def main() -> None:
     if arguments.json is not None:
         keep_json(arguments.json, kept)
     print(text(kept))
-
-
-if __name__ == "__main__":
-    main()

@@ -21,8 +21,7 @@ from cutenv.rig.devices.serial.board_drivers import sensor_delay
 from cutenv.rig.safety.stop_causes import Cause, RigStopped, StopReport, detection_times
 from scripts.validation.rig.cutting_rig import PERIOD, SLOW, SPEED, UPRIGHT, WATCHED, CuttingRig, pace_of
 
-SENSOR_DELAY = 0.010
-"""Delay of the emulated sensor's readings, as in the simulated one [s]."""
+SENSOR_DELAY = 0.010  # delay of the emulated sensor's readings, as in the simulated one [s]
 WAY = 0.003
 """Allowance beyond a stated time [s]: a millisecond of the emulator, transport of a frame or packet, an event."""
 PATIENCE = {"serial": BOARD_PATIENCE, "grbl": SENT_AHEAD + PIECE}
@@ -36,10 +35,8 @@ _LAG = 0.040  # [s], time constant of the velocity loop
 
 OWN = ("nan_command", "exception", "late_policy", "sigterm", "ctrl_c", "parent_death", "kill_9")
 """Faults on the rig's own side of the wires."""
-GAP = 0.060
-"""Duration for which a bus is off that comes back before the drive's own watchdog expires [s]."""
-GAPS = {"bus_gap": "bus_off"}
-"""Faults of the emulator that end by themselves after :data:`GAP`: a frame sent meanwhile is lost."""
+GAP = 0.060  # duration for which a bus is off that comes back before the drive's own watchdog expires [s]
+GAPS = {"bus_gap": "bus_off"}  # faults of the emulator that end by themselves after GAP: a frame sent meanwhile is lost
 IN_CHILD = ("sigterm", "ctrl_c", "parent_death", "kill_9")
 
 EXPECTED: dict[str, tuple[Cause, ...]] = {
@@ -138,24 +135,22 @@ _OF_GRBL: dict[str, tuple[Cause, ...]] = {
     "board_restart": (Cause.FORCE_STALE, Cause.FORCE_STATUS, Cause.FORCE_LOST),
     "board_mute": (Cause.FORCE_STALE,),
 }
-EXPECTED_OF_GRBL: dict[str, tuple[Cause, ...]] = {
+EXPECTED_OF_GRBL: dict[str, tuple[Cause, ...]] = {  # causes as which the faults of a rig with GRBL may be detected
     **_OF_GRBL,
     **{fault: causes for fault, causes in EXPECTED_OF_SERIAL.items() if fault.startswith("cell_")},
     "over_force": EXPECTED["over_force"],
     "blocked": (),
     **{fault: EXPECTED[fault] for fault in OWN},
 }
-"""Causes as which the faults of a rig with GRBL may be detected."""
 WITH = {"cancel_ignored": "over_force"}
 """Faults that only show when the blade is stopped, and what is injected with each for that."""
 UNKNOWABLE = ("slip", "blocked", "feed_hold", "grbl_doubled_lines")
 """Faults that nothing here can detect: the carriage stands, or moves less than commanded.  GRBL goes on after a feed
 hold with the next jogs; a report of its that comes twice is as true as the first, and does no harm."""
-SPOILS = (
+SPOILS = (  # faults after which a rig is set up anew: nobody knows where its carriage is, or its port has gone
     "slip", "blocked", "cable_out", "board_restart", "grbl_cable_out", "grbl_restart", "grbl_alarm", "board_cable_out",
     "cancel_ignored",
 )  # fmt: skip
-"""Faults after which a rig is set up anew: nobody knows where its carriage is, or its port has gone."""
 BY_THE_DRIVE = (
     "bus_off", "power_loss", "kill_9", "cable out", "power loss", "cable_out", "board_deaf", "board_restart",
     "stop_button", "limit_switch", "grbl_cable_out", "grbl_deaf", "grbl_alarm", "grbl_restart",
@@ -207,32 +202,21 @@ class Trial:
     fault: str
     seed: int
     injected: float
-    speed: float
-    """Speed of the carriage just before, if the fault is the rig's own; else the commanded one [m/s]."""
-    commanded: float = SPEED
-    """Commanded speed [m/s]."""
+    speed: float  # speed of the carriage just before, if the fault is the rig's own; else the commanded one [m/s]
+    commanded: float = SPEED  # commanded speed [m/s]
     cause: str | None = None
     detail: str = ""
-    stated: float | None = None
-    """Longest time from the fault to the decision, as stated [s]."""
-    crossed: float | None = None
-    """Time at which the true force passed the limit."""
+    stated: float | None = None  # longest time from the fault to the decision, as stated [s]
+    crossed: float | None = None  # time at which the true force passed the limit
     detected: float | None = None
-    received: float | None = None
-    """Time at which the drive received the quick stop."""
+    received: float | None = None  # time at which the drive received the quick stop
     standstill: float | None = None
-    way: float | None = None
-    """Travel of the carriage from the fault to its rest [m]."""
-    way_detected: float | None = None
-    """Travel after the decision, by the rig's own report [m]."""
-    refused: bool = False
-    """True if commands were refused afterwards."""
-    moved: float | None = None
-    """Displacement half a second later, from where it had come to rest [m]."""
-    driver: str = ""
-    """Driver of the blade."""
-    stalls: list[float] | None = None
-    """Lateness of the host's processes around the trial [s]."""
+    way: float | None = None  # travel of the carriage from the fault to its rest [m]
+    way_detected: float | None = None  # travel after the decision, by the rig's own report [m]
+    refused: bool = False  # true if commands were refused afterwards
+    moved: float | None = None  # displacement half a second later, from where it had come to rest [m]
+    driver: str = ""  # driver of the blade
+    stalls: list[float] | None = None  # lateness of the host's processes around the trial [s]
 
     @property
     def expected(self) -> tuple[Cause, ...]:

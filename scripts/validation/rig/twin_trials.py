@@ -24,10 +24,8 @@ from scripts.tables import keep_json, markdown_table
 
 POLICY = "constant 1.27 cm/s 90 deg"
 SPECIMENS, DRAWS, RUNS = 20, 4, 10
-GAINS = (1.0, 1.05, 1.2, 1.3, 1.5)
-"""Gains of the force in the second half of a cut [1]."""
-ALL_ALONG = 1.05
-"""Gain of the force over the whole cut, which the twins take up [1]."""
+GAINS = (1.0, 1.05, 1.2, 1.3, 1.5)  # gains of the force in the second half of a cut [1]
+ALL_ALONG = 1.05  # gain of the force over the whole cut, which the twins take up [1]
 UNKNOWN = "a lab's, by their twins"
 _OWN_NOISE = 77  # draw of the sensor's noise on the rig
 
@@ -87,8 +85,7 @@ def table(kept: dict[str, Any]) -> str:
     return markdown_table(header, [[str(row[name]) for name in header] for row in kept["rows"]])
 
 
-def main() -> None:
-    """Run the trials and print the table."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=RUNS, metavar="N", help=f"runs of each row; default {RUNS}")
     parser.add_argument("--json", type=Path, metavar="FILE", help="file for the counts")
@@ -97,7 +94,3 @@ def main() -> None:
     if arguments.json is not None:
         keep_json(arguments.json, found)
     print(table(found))
-
-
-if __name__ == "__main__":
-    main()

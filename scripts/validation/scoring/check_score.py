@@ -56,17 +56,14 @@ from scripts.validation.scoring.simulated_hands import DRIVEN, SKILLS, Simulated
 
 FOLDER, FILE, HAND_FILE, DOUBTS_FILE = Path("runs") / "check-score", "rows.csv", "hand.csv", "doubts.csv"
 """Folder of what is kept; in it, the rows of each class in a folder of its name, and those about doubts."""
-TEXTS = ("class", "policy", "end", "record")
-"""Columns of the kept rows that are no numbers."""
+TEXTS = ("class", "policy", "end", "record")  # columns of the kept rows that are no numbers
 CLASSES = ("mixed", "vascular", "liver", "uniform")
 FEED, GIVES_UP = "constant 1.27 cm/s 90 deg", "gives up at two thirds"
 PLAYERS = (ORACLE, *SCRIPTS, "ppo-free", "ppo-fixed", FEED, "constant 0.38 cm/s 45 deg", *NULL_POLICIES)
 """Names of all who cut; beside them one who gives up: the constant feed, up to two thirds of its target."""
-ORDER = (ORACLE, "return stroke", FEED, GIVES_UP)
-"""Those whose mean scores must stand in this order."""
+ORDER = (ORACLE, "return stroke", FEED, GIVES_UP)  # those whose mean scores must stand in this order
 DEEPER = 0.003  # [m]
-TOO_DEEP = f"{1e3 * DEEPER:.0f} mm too deep"
-"""One who follows the depth, but deeper than wanted."""
+TOO_DEEP = f"{1e3 * DEEPER:.0f} mm too deep"  # one who follows the depth, but deeper than wanted
 DIFFERENT = 0.1  # in return
 
 
@@ -173,14 +170,12 @@ class MapTask(NamedTuple):
     cut: Callable[[Any, Any, int], tuple[float, Trace]]
     compared: Mapping[str, tuple[str, str, float, str]]
     """Name of the error, words for it, its units in one of the metric's, and its unit, by metric."""
-    end: str
-    """End for safety that the task adds."""
+    end: str  # end for safety that the task adds
     ended: str
-    further: Mapping[str, Callable[[], Any]] = {}
-    """Those who cut besides planner and scripts."""
+    further: Mapping[str, Callable[[], Any]] = {}  # those who cut besides planner and scripts
 
 
-MAP_TASKS = {
+MAP_TASKS = {  # tasks along a wanted depth, and along a line
     "depth": MapTask(
         depth_cut,
         {
@@ -198,7 +193,6 @@ MAP_TASKS = {
         "off_line", "too far from the line",
     ),
 }  # fmt: skip
-"""Tasks along a wanted depth, and along a line."""
 
 
 def measure_map(name: str, specimens: int) -> list[dict[str, Any]]:
@@ -337,17 +331,15 @@ def every(step: int) -> Callable[[Trace], Trace]:
 
 
 AS_IT_IS = "1000 Hz"
-RATES: Mapping[str, Callable[[Trace], Trace]] = {
+RATES: Mapping[str, Callable[[Trace], Trace]] = {  # honest records, read at other rates
     AS_IT_IS: every(1), "200 Hz": every(5), "100 Hz": every(10), "33 Hz": every(30)
 }  # fmt: skip
-"""Honest records, read at other rates."""
 CHANGES: Mapping[str, Callable[[Trace], Trace]] = {
     **{f"position smoothed over {ms} ms": with_smooth_position(ms) for ms in (20, 30, 50)},
     **{f"clock faster by a factor of {factor}": with_fast_clock(factor) for factor in (2, 1.5, 1.3, 1.2)},
 }
 """Changes to the motion in a person's record at 1 kHz by which it may gain."""
-CHANGED = ("steady hand", "brisk hand", "hurried hand", "late hand")
-"""Those whose records are changed."""
+CHANGED = ("steady hand", "brisk hand", "hurried hand", "late hand")  # those whose records are changed
 _BY_MOTION = "position was smoothed"  # in every doubt about motion, and in the reason why such a record has no score
 
 

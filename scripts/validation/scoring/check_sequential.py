@@ -58,10 +58,8 @@ OPENING, POLICIES = 0.040, ("return stroke", "probe and creep")
 """Length of the opening [m], and the policies that take over from it by turns, of the measured places."""
 PLACES_FILE = Path("runs") / "check-sequential" / "places.csv"
 """File of the measured places: return, forecast and forecast of a wrong twin of each."""
-LIBRARY_FILE = PLACES_FILE.with_name("library.json")
-"""File of what the library finds in the same studies."""
-STUDIES = 10_000
-"""Number of simulated studies of each row."""
+LIBRARY_FILE = PLACES_FILE.with_name("library.json")  # file of what the library finds in the same studies
+STUDIES = 10_000  # number of simulated studies of each row
 _DAY = 20  # pairs between changes of a drifting mean
 _AGAIN = 2000  # resampled sets of places
 _TOGETHER = 1000  # studies drawn at a time, to limit memory
@@ -131,8 +129,7 @@ def _t(found: Array) -> Array:
     n = np.arange(1, found.shape[1] + 1)
     mean = np.cumsum(found, axis=1) / n
     variance = np.maximum(np.cumsum(found**2, axis=1) / n - mean**2, 1e-12) * n / np.maximum(n - 1, 1)
-    t: Array = mean / np.sqrt(variance / n)
-    return t
+    return mean / np.sqrt(variance / n)
 
 
 def decision_rows(studies: int) -> list[list[str]]:

@@ -104,12 +104,7 @@ def _holds(each: Estimate, truth: float) -> bool:
     return each.low is not None and each.high is not None and each.low <= truth <= each.high
 
 
-def main() -> None:
-    """Print both tables."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--trials", type=int, default=400, help="number of trials of each row")
     print(f"{published()}\n\n{coverage(parser.parse_args().trials)}")
-
-
-if __name__ == "__main__":
-    main()

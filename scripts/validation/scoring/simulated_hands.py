@@ -50,7 +50,7 @@ class Skill:
     gives_up: Span = (9.0, 9.0)  # share of the way at which the cut is left
 
 
-SKILLS: Mapping[str, Skill] = {
+SKILLS: Mapping[str, Skill] = {  # people by name, from good to bad
     "careful hand": Skill(
         feed=(0.004, 0.007), creep=(0.0015, 0.003), lean=(45.0, 52.0), slow_from=(0.015, 0.025), aim=(-0.001, 0.001),
         reaction=(0.12, 0.20), tremor=0.0003,
@@ -71,7 +71,6 @@ SKILLS: Mapping[str, Skill] = {
     "timid hand": Skill(feed=(0.004, 0.009), aim=(-0.014, -0.002)),
     "hand that gives up": Skill(feed=(0.006, 0.014), lean=(50.0, 90.0), gives_up=(0.3, 0.8)),
 }  # fmt: skip
-"""People by name, from good to bad."""
 
 
 class SimulatedHand(ArrayPolicy):

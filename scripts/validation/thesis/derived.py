@@ -13,8 +13,7 @@ from cutenv.sim.tissue.tables import table
 from scripts.derivations import eta90 as derive_eta90
 from scripts.validation.thesis.rows import Found, check, holds, near
 
-EXPECTED = (0.25, 0.40)
-"""Range of an independent estimate."""
+EXPECTED = (0.25, 0.40)  # range of an independent estimate
 
 
 @check(

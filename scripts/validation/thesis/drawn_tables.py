@@ -22,7 +22,7 @@ from scripts.validation.thesis.scatter import Line, Sample, coefficient_rows, jo
 Array = NDArray[np.float64]
 Kinds = Callable[[DrawnCut], tuple[Array, Array]]
 
-BY_CUT = (
+BY_CUT = (  # Tables with a row for each cut: number, angle [deg], speed [cm/s]
     ("5.1", 45, 0.1),
     ("5.1", 45, 1.27),
     ("5.1", 45, 2.54),
@@ -30,9 +30,7 @@ BY_CUT = (
     ("5.3", 90, 1.27),
     ("5.4", 90, 2.54),
 )
-"""Tables with a row for each cut: number, angle [deg], speed [cm/s]."""
-CUTS_UPRIGHT = 12
-"""Cuts in a mean of Table 5.5 at 90 degrees where Tables 5.2 to 5.4 list them (chapter 5)."""
+CUTS_UPRIGHT = 12  # cuts in a mean of Table 5.5 at 90 degrees where Tables 5.2 to 5.4 list them (chapter 5)
 
 FITTED_TO = (
     "Mean modulus and resistance of the livers, and the spread between their cuts, were fitted to Tables 5.2-5.4, 5.6 "

@@ -22,8 +22,7 @@ from scripts.validation.thesis.models import FORMULATIONS
 from scripts.validation.thesis.rows import Found, Row, check, hits, near, printed_as, unclaimed
 
 Array = NDArray[np.float64]
-CUTS = 6
-"""Cuts behind a mean of Tables 5.5 to 5.7, where no other table lists them (chapter 5)."""
+CUTS = 6  # cuts behind a mean of Tables 5.5 to 5.7, where no other table lists them (chapter 5)
 
 
 class Equation(NamedTuple):
@@ -33,12 +32,9 @@ class Equation(NamedTuple):
     table: str
     angle_deg: int
     formulation: str
-    slope: float
-    """[kPa s/cm], or the exponent."""
-    intercept: float
-    """[kPa], or the coefficient of the power law."""
-    digit: float
-    """Unit of the last printed digit."""
+    slope: float  # [kPa s/cm], or the exponent
+    intercept: float  # [kPa], or the coefficient of the power law
+    digit: float  # unit of the last printed digit
 
     @property
     def is_power(self) -> bool:

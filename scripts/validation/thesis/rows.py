@@ -10,8 +10,7 @@ import numpy as np
 
 from cutenv.sim.tissue.tables import table
 
-SHOWN = "not a target"
-"""Tolerance of a row that is only shown."""
+SHOWN = "not a target"  # tolerance of a row that is only shown
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,8 +54,7 @@ class Comparison:
         return f"{'MISS' if self.misses else 'agrees'} ({hits}/{n})"
 
 
-Found = tuple[list[Row], str]
-"""Rows, and the summary of ours in words."""
+Found = tuple[list[Row], str]  # rows, and the summary of ours in words
 
 Statements = Iterator[Row | tuple[str, Any]]
 """Rows, or what shall hold, in words, and whether it does, for every number of a column."""

@@ -114,7 +114,7 @@ def _paid(what: str, ratio: float) -> Row:
     return replace(near(what, 1.0, ratio, form=".4f"), tolerance="0.985 to 1.000", agrees=bool(0.985 <= ratio < 1.0005))
 
 
-MEASURES: dict[str, Callable[[str, Expected, LawCut], Row]] = {
+MEASURES: dict[str, Callable[[str, Expected, LawCut], Row]] = {  # rows of a cut of the check
     "units": lambda what, e, found: near(what, e.units, found.state.units, absolute=1),
     "share of unstable growth": lambda what, e, found: near(
         what, e.unstable_share, found.state.uncontrolled / found.state.tip, absolute=0.02, form=".3f"
@@ -131,7 +131,6 @@ MEASURES: dict[str, Callable[[str, Expected, LawCut], Row]] = {
     ),
     "energy residual, J": lambda what, e, found: at_most(what, found.residual, 1e-12),
 }
-"""Rows of a cut of the check."""
 
 
 def rows_of(of: str, quick: bool) -> list[Row]:

@@ -40,8 +40,7 @@ from scripts.validation.vision.carm_measurement import (
 )
 from scripts.validation.vision.rendering.xray_session import BEAD, Session, exposed
 
-FOLDER = "runs/bead_tracking"
-"""Folder where each part of the measurement is kept, relative to the repository."""
+FOLDER = "runs/bead_tracking"  # folder where each part of the measurement is kept, relative to the repository
 
 
 def known_points(session: Session, calibration: CArmCalibration, rng: np.random.Generator) -> list[Mark]:
@@ -115,12 +114,7 @@ class Followed:
 
 
 def followed(
-    session: Session,
-    calibration: CArmCalibration,
-    rest: Array,
-    covariance: Array,
-    *,
-    fields: bool = False,
+    session: Session, calibration: CArmCalibration, rest: Array, covariance: Array, *, fields: bool = False
 ) -> Followed:
     """Track the beads of a whole cut, and compare with the truth."""
     rate = calibration.frame_rate
@@ -226,8 +220,7 @@ def in_step(session: Session, calibration: CArmCalibration, rest: Array, covaria
     return [f"lag of the force record, from {seconds:.0f} s: {off:+.0f} ms off, correlation {agreement:.2f}"]
 
 
-Part = tuple[list[Mark], list[str]]
-"""Marks and other numbers of one part of the measurement."""
+Part = tuple[list[Mark], list[str]]  # marks and other numbers of one part of the measurement
 
 
 @cache
@@ -323,8 +316,7 @@ def kept_markdown() -> str:
     return markdown(marks, lines)
 
 
-def main() -> int:
-    """Measure, print, and keep; return 1 if a mark is missed."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--part", choices=PARTS, help="measure this part alone")
     parser.add_argument("--out", type=Path, default=Path(FOLDER), metavar="FOLDER", help="where the parts are kept")
@@ -336,8 +328,4 @@ def main() -> int:
         print(markdown(marks, lines), flush=True)
         met &= all(mark.met for mark in marks)
         keep_json(arguments.out / f"{name}.json", {"marks": [asdict(mark) for mark in marks], "lines": lines})
-    return int(not met)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(int(not met))

@@ -19,14 +19,10 @@ from cutenv.vision.spots import locate_spots
 from scripts.validation.vision.rendering.xray import XRayCamera
 from scripts.validation.vision.rendering.xray_session import BALL, BEAD, ERRORS, Session, exposed
 
-REGION = [[-0.045, -0.005, -0.002], [0.045, 0.155, 0.03]]
-"""Places where beads may be [m]."""
-BEAD_PX, BALL_PX, HOLE_PX = 3.5, 5.5, 5.0
-"""Diameters in frames of 480 lines [px]."""
-SPACING, HOLE = 0.010, 0.0024
-"""Spacing of the plate [m]."""
-SEED = 1
-"""Seed of the session that is drawn."""
+REGION = [[-0.045, -0.005, -0.002], [0.045, 0.155, 0.03]]  # places where beads may be [m]
+BEAD_PX, BALL_PX, HOLE_PX = 3.5, 5.5, 5.0  # diameters in frames of 480 lines [px]
+SPACING, HOLE = 0.010, 0.0024  # spacing of the plate [m]
+SEED = 1  # seed of the session that is drawn
 Array = NDArray[np.float64]
 
 

@@ -12,8 +12,7 @@ import numpy as np
 
 from cutenv.sim.tissue.split_mesh import DoubledMesh
 
-MODULUS, POISSON, THICKNESS = 1e4, 0.3, 0.01
-"""Modulus [Pa], Poisson's ratio [1] and thickness [m] of the slab."""
+MODULUS, POISSON, THICKNESS = 1e4, 0.3, 0.01  # modulus [Pa], Poisson's ratio [1] and thickness [m] of the slab
 _LOAD = 1e-2  # on the tip [N]
 _DISPLACED = re.compile(r"^\s*(\d+)\s+(\S+)\s+(\S+)\s+(\S+)\s*$")
 

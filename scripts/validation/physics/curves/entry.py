@@ -12,8 +12,7 @@ import numpy as np
 
 from scripts.validation.physics.curves.made import ENERGY, PATHS, STIFFNESS
 
-LARGEST_GAP = 0.006
-"""Largest distance of two arc lengths of an entry's stiffness [m]."""
+LARGEST_GAP = 0.006  # largest distance of two arc lengths of an entry's stiffness [m]
 
 
 class Standing(NamedTuple):
@@ -22,10 +21,8 @@ class Standing(NamedTuple):
     method: str
     errors: tuple[float, float, float]
     """Largest errors of the stiffness along the path, coupled (over that along) and across [1]."""
-    residual: float | None
-    """Largest residual of the energy account over the work or 1 mJ [1]; None without energies."""
-    seconds: float
-    """Time of a tip's stiffness [s], as told."""
+    residual: float | None  # largest residual of the energy account over the work or 1 mJ [1]; None without energies
+    seconds: float  # time of a tip's stiffness [s], as told
 
     def cells(self) -> tuple[str, ...]:
         """Return the cells of its row."""

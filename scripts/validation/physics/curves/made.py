@@ -20,14 +20,13 @@ from scripts.validation.physics.crack_truth import ELEMENT, led_along
 from scripts.validation.physics.curves.calculix import MODULUS, POISSON, THICKNESS, deck
 from scripts.validation.physics.steering import follow_line
 
-PATHS: dict[str, CutLine] = {
+PATHS: dict[str, CutLine] = {  # paths by name
     "straight": straight(),
     "arc": arc(0.05),
     "s": s_shape(0.04, 0.08),
     "half-excision": half_ellipse(),
     "random": random_line(np.random.default_rng(2)),
 }
-"""Paths by name."""
 FIRST, LAST = 0.02, 0.08
 """Range of the arc lengths at which stiffnesses are compared [m]; a path that nears a side of the slab ends before."""
 STIFFNESS = ("path", "arc_length_m", "along", "coupled", "across")

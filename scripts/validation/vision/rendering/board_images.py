@@ -8,8 +8,7 @@ from scipy.ndimage import gaussian_filter
 
 from scripts.validation.vision.rendering.lens import Array, RenderedCamera
 
-CORNERS = (10, 7)
-"""Inner corners of a board, across and down."""
+CORNERS = (10, 7)  # inner corners of a board, across and down
 
 
 def board_image(

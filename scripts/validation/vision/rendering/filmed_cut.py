@@ -19,10 +19,8 @@ from scripts.validation.vision.rendering.board_images import held_boards, standi
 from scripts.validation.vision.rendering.lens import Array, RenderedCamera, draw_pair
 from scripts.validation.vision.rendering.moved_tissue import MovedTissue
 
-BED = 0.004
-"""Height of the blade's end over the plate [m]: tissue that is not cut."""
-SPOILT = ("glare", "hidden strip", "hidden surface", "blur", "dark")
-"""Ways in which a frame is spoilt."""
+BED = 0.004  # height of the blade's end over the plate [m]: tissue that is not cut
+SPOILT = ("glare", "hidden strip", "hidden surface", "blur", "dark")  # ways in which a frame is spoilt
 _CLOCK = 90_000  # time base of the video files [Hz]
 
 

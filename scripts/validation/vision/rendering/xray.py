@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 Array = NDArray[np.float64]
-STEEL, TISSUE = 620.0, 20.0
-"""Linear attenuation at about 70 keV [1/m]."""
+STEEL, TISSUE = 620.0, 20.0  # linear attenuation at about 70 keV [1/m]
 _FINE = 3  # rays across a pixel
 
 

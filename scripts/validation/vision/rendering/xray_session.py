@@ -20,14 +20,10 @@ from cutenv.sim.tissue.cut_model import CutModel
 from cutenv.sim.tissue.specimen import Specimen
 from scripts.validation.vision.rendering.xray import STEEL, TISSUE, Array, Box, XRayCamera, interlaced
 
-BEAD = 0.5e-3
-"""Radius of the beads [m]."""
-BALL = 0.8e-3
-"""Radius of the phantom's balls [m]."""
-THICKNESS = 0.025
-"""Thickness of the slab [m]."""
-ERRORS = {"top": (8e-5, -0.0079, 0.0), "side": (6e-4, -0.0706, 0.0)}
-"""The thesis's radial errors, zero at the centre."""
+BEAD = 0.5e-3  # radius of the beads [m]
+BALL = 0.8e-3  # radius of the phantom's balls [m]
+THICKNESS = 0.025  # thickness of the slab [m]
+ERRORS = {"top": (8e-5, -0.0079, 0.0), "side": (6e-4, -0.0706, 0.0)}  # the thesis's radial errors, zero at the centre
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
