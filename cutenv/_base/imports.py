@@ -71,10 +71,7 @@ def import_when_used(package: str, modules: Mapping[str, str], packages: Iterabl
 def optional_import(name: str, package: str, format_name: str, extra: str = "data") -> Any:
     """Import a module of an extra.
 
-    Raises
-    ------
-    ModuleNotFoundError
-        If `package` is not installed; the message gives the pip command.
+    ModuleNotFoundError, with the pip command, if `package` is not installed.
     """
     try:
         return importlib.import_module(name)

@@ -117,10 +117,7 @@ def _places(package: Path) -> list[Path]:
 def remove_kernels(package: Path = _PACKAGE) -> list[Path]:
     """Remove this machine's compiled kernels; return where they were.
 
-    Raises
-    ------
-    OSError
-        If one cannot be removed.
+    OSError if one cannot be removed.
     """
     held = {place: [*place.glob(f"{_PREFIX}*")] for place in _places(package)}
     for place, folders in held.items():

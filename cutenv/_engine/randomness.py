@@ -159,15 +159,7 @@ def normal_at_the_rim(
 def generator(seed: int, episode: int = 0) -> np.random.Generator:
     """Return a NumPy generator keyed by ``seed`` and ``episode``.
 
-    Parameters
-    ----------
-    seed, episode : int
-        Non-negative, below 2**64.
-
-    Raises
-    ------
-    ValueError
-        If either is negative or too large.
+    ValueError unless both are from 0 to below 2**64.
     """
     check_key(seed, episode)
     key: NDArray[np.uint64] = np.array([seed, episode], dtype=np.uint64)

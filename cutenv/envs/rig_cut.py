@@ -62,16 +62,9 @@ _SAME_ANGLE = math.radians(0.5)
 
 
 class Work:
-    """Reset or step in progress.
+    """Reset or step in progress, which a handler that closes the rig lets end.
 
-    A signal handler that wants to close the rig in its midst has to wait for its end.
-
-    A handler interrupts its thread anywhere, perhaps under a lock that closing needs.
-
-    Parameters
-    ----------
-    leave : callable
-        Closes the rig.
+    A signal handler interrupts its thread anywhere, perhaps under a lock that closing (``leave``) needs.
     """
 
     def __init__(self, leave: Callable[[], None]) -> None:
@@ -119,12 +112,8 @@ def action_text(action: Any) -> str:
 def blade_angle(settings: RigSettings, mode: str | None, fixed_deg: float | None) -> tuple[str, float | None]:
     """Return angle mode, "free" or "fixed", and fixed angle [rad] or None.
 
-    ``mode`` and ``fixed_deg`` [deg] are what a task asks for; None: as the rig has it.
-
-    Raises
-    ------
-    ValueError
-        If the rig cannot do it, or a value is not valid.
+    ``mode`` and ``fixed_deg`` [deg] are what a task asks for; None: as the rig has it.  ValueError if the rig cannot do
+    it, or a value is not valid.
     """
     mode = settings.angle_mode if mode is None else one_of("angle_mode", mode, ("free", "fixed"))
     if mode == "free" and settings.angle_mode == "fixed":
@@ -313,10 +302,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Move the blade slowly to the clamp; ask for a specimen.
 
-        Raises
-        ------
-        RigError
-            If a check fails, or the operator does not agree.
+        RigError if a check fails, or the operator does not agree.
         """
         self._check_owner()
         with self._work.going_on():

@@ -140,10 +140,7 @@ _AS_BUILT = {"backlash"}  # of the emulated screw by default: the simulator's de
 def emulator_arguments(constants: Constants) -> list[str]:
     """Return ``cutenv rig emulate`` options with the simulator's constants.
 
-    Raises
-    ------
-    ValueError
-        If the emulator has no option for a constant that differs from its default.
+    ValueError if the emulator has no option for a constant that differs from its default.
     """
     plain, arguments = Constants(), []
     for part in ("drive", "sensor", "law"):
@@ -174,36 +171,12 @@ def changed_constants(constants: Constants) -> list[str]:
 class RigSource:
     """Rig named by an environment's argument, with its cut records.
 
-    Parameters
-    ----------
-    rig : str or Path
-        "fake", "emulator", "serial", "grbl", or a TOML file.
-    constants : Constants
-        Constants of an emulated or fake rig's drive and sensor.
-    operator : Operator, optional
-        Person who is asked before anything moves. Default: a person at the terminal; automatic for an emulated or fake
-        rig.
-    records : str or Path, optional
-        Folder for the records of cuts.
-    lower_limits : dict, optional
-        Limits to be lowered, see :meth:`cutenv.rig.config.settings.SafetyLimits.lowered`.
-    dry_run : bool
-        True to use a fake with the rig's settings instead of the rig.
-    needs_axis, by : str
-        Axis across the cut that is needed, "height" or "side", and what needs it, such as "RigDepthCut-v1": an emulated
-        or fake rig then has one, and a file without its section is refused. Empty: none is.
+    Without ``operator`` a person at the terminal is asked before anything moves, and none for an emulated or fake rig.
+    ``needs_axis`` is the axis across the cut that is needed, "height" or "side", and ``by`` what needs it: an emulated
+    or fake rig then has one, and a file without its section is refused.  With ``dry_run`` a fake has the rig's
+    settings. ``draws`` is True if specimens are drawn by program, not laid by hand.
 
-    Attributes
-    ----------
-    settings : RigSettings
-        Settings of the rig.
-    draws : bool
-        True if specimens are drawn by program, not laid by hand.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        If the file is missing or not valid.
+    ValueError or FileNotFoundError if the file is missing or not valid.
     """
 
     def __init__(

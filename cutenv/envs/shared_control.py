@@ -51,10 +51,7 @@ class SharedControl(gymnasium.Wrapper[Any, Any, Any, Any]):
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """Apply the person's action, if any, else the agent's.
 
-        Raises
-        ------
-        ValueError
-            If the person's action is not in the action space: names it; the environment is not stepped.
+        ValueError names a person's action that is not in the action space; the environment is then not stepped.
         """
         persons = self._person()
         intervenes = persons is not None

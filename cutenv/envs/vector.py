@@ -51,17 +51,10 @@ def warn_before_first_batch(task: Task) -> None:
 class CutBatch:
     """Batch of ``count`` cuts, bit-equal to single environments.
 
-    Parameters
-    ----------
-    count : int
-        Number of cuts.
-    single : GentleCutEnv
-        Environment whose settings all cuts share.
+    All share the settings of ``single``.
 
     Attributes
     ----------
-    cuts : Cuts
-        State of all cuts.
     observations : array of float32, shape (count, 12)
         Present observations; overwritten by :meth:`begin` and :meth:`decide`.
     seeds, episodes : array of uint64, shape (count,)
@@ -124,10 +117,7 @@ class CutBatch:
     def begin(self, which: NDArray[np.int64], options: dict[str, Any] | None = None) -> None:
         """Begin the next cuts ``which``; ``options`` as in :meth:`GentleCutEnv.reset`.
 
-        Raises
-        ------
-        ValueError, TypeError
-            For an unknown or invalid option.
+        ValueError or TypeError for an unknown or invalid option.
         """
         options = options or {}
         if options.get("episode") is not None:
@@ -167,7 +157,7 @@ class CutBatch:
         Parameters
         ----------
         actions : array, shape (count, 2), or (count, 3) of a task with a third axis
-            Actions, clipped to [-1, 1].
+            Actions, clipped to [-1, 1]; ValueError for another shape, and for NaN.
         waiting : array of bool, shape (count,), optional
             True for cuts that are not advanced.
         infos : Records, shape (count,), optional
@@ -187,8 +177,6 @@ class CutBatch:
         ------
         ResetNeeded
             If some cuts were never begun.
-        ValueError
-            For actions of another shape, and for NaN.
         """
         count = len(self)
         waiting = self._none_waits if waiting is None else waiting
@@ -206,14 +194,7 @@ class CutBatch:
     def checked_actions(self, actions: ArrayLike, waiting: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Return a copy of the actions, clipped to [-1, 1].
 
-        Those of cuts that wait may be NaN.
-
-        Raises
-        ------
-        ResetNeeded
-            If some cuts were never begun.
-        ValueError
-            For actions of another shape, and for NaN.
+        Those of cuts that wait may be NaN; errors are those of :meth:`decide`.
         """
         if not self._all_begun:
             raise gymnasium.error.ResetNeeded("in some environments no cut is going on: call reset() before step().")

@@ -261,15 +261,8 @@ def count_lane(count: Struct, k: Integer, now: Millisecond) -> None:
 def conclude(stepping: Any, k: Integer, action: StructArray, observation: StructArray, info: Struct) -> None:
     """Conclude lane ``k``'s step: reward terms, progress and observation.
 
-    Parameters
-    ----------
-    stepping, k : Stepping, int
-        Row of cuts (:class:`cutenv.task.declare.Stepping`), and the lane;
-        :data:`~cutenv.task.reward.PROGRESS` of its cut is changed.
-    action : array, shape (2,)
-        The step's action.
-    observation, info : array of shape (12,), Record
-        Observation, and terms and cost of :data:`~cutenv.task.info.INFO`: filled.
+    ``stepping`` is a row of cuts (:class:`cutenv.task.declare.Stepping`); :data:`~cutenv.task.reward.PROGRESS` of the
+    lane's cut is changed, the observation, (12,), and the terms and cost of :data:`~cutenv.task.info.INFO` are filled.
     """
     cuts, row, count = stepping.cuts, stepping.row, stepping.count
     c = row.cut[k]

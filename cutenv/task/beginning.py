@@ -160,20 +160,9 @@ def begin_some(task: Task) -> Callable[..., None]:
     ) -> None:
         """Reset the cuts ``keys.which``, each exactly as a single environment.
 
-        Parameters
-        ----------
-        passed, core : WorkQueue, int
-            Work queue over these cuts and number of the thread, see :func:`cutenv._engine.parallel.parallel_for`.
-        cuts : Cuts
-            n cuts; those in ``keys.which`` are reset.
-        start, keys, drawing : Start, Keys, Drawing
-            What all share, the keys, and how specimens are drawn.
-        given : tuple
-            What the task needs besides, see its hook ``begin``.
-        observations : array of float32, shape (n, components)
-            Filled for these cuts.
-        vascular : array of int8, shape (n,)
-            1 for a sampled specimen with vessels, 0 without.
+        ``passed`` and ``core`` are those of :func:`cutenv._engine.parallel.parallel_for`.  ``given`` is what the task
+        needs besides, see its hook ``begin``.  For the cuts that are reset ``observations`` is filled, and
+        ``vascular``, with 1 for a sampled specimen with vessels.
         """
         counts = np.zeros(1, COUNT_ONE)
         recipe = drawing.recipe[0]

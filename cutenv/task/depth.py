@@ -609,19 +609,9 @@ DEPTH_CUT = Task(
 class DepthOptions(TaskOptions):
     """Options of cutting along a wanted depth.
 
-    Parameters
-    ----------
-    keywords : dict
-        Keywords of the environment, of which these are removed: ``wanted``, ``layer``, and the fields of
-        :class:`DepthConstants`, :class:`~cutenv.sim.cutting.descent.DescentParameters` and
-        :class:`~cutenv.sim.tissue.specimen.SurfaceSpread`.
-
-    Attributes
-    ----------
-    wanted : int
-        Kind of wanted depth, a value of :data:`WANTED_KINDS`.
-    layer : bool
-        Whether there is another layer below.
+    From the keywords of the environment ``wanted``, ``layer``, and the fields of :class:`DepthConstants`,
+    :class:`~cutenv.sim.cutting.descent.DescentParameters` and :class:`~cutenv.sim.tissue.specimen.SurfaceSpread` are
+    removed.  ``wanted`` becomes a value of :data:`WANTED_KINDS`, ``layer`` whether there is another layer below.
     """
 
     names = (

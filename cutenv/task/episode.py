@@ -68,12 +68,7 @@ class Goal:
 class TaskOptions:
     """Options that a task adds to those of gentle cutting.
 
-    They are taken from the keywords of an environment; here there are none.
-
-    Parameters
-    ----------
-    keywords : dict
-        Keywords of the environment; those of the task are removed.
+    They are removed from the keywords of an environment; here there are none.
     """
 
     task: ClassVar[Task] = GENTLE_CUT
@@ -125,23 +120,11 @@ class TaskOptions:
 
 
 class Episode:
-    """An episode of a task.
+    """An episode of a task: cut gently from the clamp to a target length.
 
-    Cut gently from the clamp to a target length.
-
-    On a simulated plant each step is one compiled call, which stops where the cut ends.  On a rig the command goes out,
-    the readings come in, and tip, runs and the whole cut are estimates.
-
-    Parameters
-    ----------
-    plant : Plant
-        The tissue and blade to control; the blade stands at the clamp.
-    goal : Goal
-        What is to be cut, and how that is assessed.
-    options : TaskOptions, optional
-        Task and its options; by default gentle cutting.
-    from_truth : bool, optional
-        On a simulated plant, whether the reward is assessed from hidden state, or from what a rig sees; None: on a rig.
+    On a simulated plant each step is one compiled call, which stops where the cut ends, and ``from_truth`` says whether
+    the reward is assessed from hidden state, or from what a rig sees.  On a rig the command goes out, the readings come
+    in, and tip, runs and the whole cut are estimates.
     """
 
     def __init__(
@@ -228,13 +211,7 @@ class Episode:
         return {}, np.zeros((count, WAYS))
 
     def stopped(self, readings: StructArray) -> tuple[NDArray[np.float32], float]:
-        """End a cut that rig safety stopped after ``readings``.
-
-        Returns
-        -------
-        tuple of observation, shape (k,), and reward
-            Same as for :meth:`step`.
-        """
+        """End a cut that rig safety stopped after ``readings``; return as :meth:`step`."""
         observation, reward = self._assess(readings)
         return observation, reward + self.charge_stop()
 

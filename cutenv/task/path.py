@@ -611,22 +611,10 @@ ROOM = LEAST_LENGTH - LONGEST
 
 
 class LineChoice:
-    """Choice of the line of every cut.
+    """Choice of the line of every cut: a kind of line, "mixed", or the line.
 
-    Parameters
-    ----------
-    line : str, CutLine, or array_like of shape (n, 2)
-        Kind of line, "mixed", or the line.
-
-    Attributes
-    ----------
-    kind : int
-        Number of the kind, MIXED_LINES, or GIVEN_LINE.
-
-    Raises
-    ------
-    ValueError
-        If there is no such kind, or the line turns back, bends too far or leaves the slab.
+    ``kind`` is the number of the kind, MIXED_LINES, or GIVEN_LINE.  ValueError if there is no such kind, or the line
+    turns back, bends too far or leaves the slab.
     """
 
     def __init__(self, line: str | CutLine | ArrayLike) -> None:
@@ -668,16 +656,8 @@ class LineChoice:
 class PathOptions(TaskOptions):
     """Options of cutting along a drawn line.
 
-    Parameters
-    ----------
-    keywords : dict
-        Keywords of the environment, of which these are removed: ``line``, and the fields of :class:`PathConstants` and
-        :class:`~cutenv.sim.cutting.steering.SteeringParameters`.
-
-    Attributes
-    ----------
-    line : LineChoice
-        The line to cut along.
+    From the keywords of the environment ``line``, and the fields of :class:`PathConstants` and
+    :class:`~cutenv.sim.cutting.steering.SteeringParameters` are removed.
     """
 
     names = ("line", *PathConstants.__dataclass_fields__, *SteeringParameters.__dataclass_fields__)

@@ -201,12 +201,7 @@ TASKS = {each.name: each for each in _SHIPPED}
 def task_of(arguments: Mapping[str, Any]) -> tuple[RegisteredTask, dict[str, Any]]:
     """Return the task that ``arguments["task"]`` names, and the other arguments.
 
-    It is "gentle" by default.
-
-    Raises
-    ------
-    ValueError
-        If there is no such task.
+    It is "gentle" by default; ValueError if there is no such task.
     """
     own = dict(arguments)
     return TASKS[one_of("task", own.pop("task", "gentle"), tuple(TASKS))], own

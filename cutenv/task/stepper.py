@@ -119,21 +119,11 @@ def step_one(task: Task) -> Callable[..., tuple[float, int]]:
         readings: StructArray,
         across: Array,
     ) -> tuple[float, int]:
-        """Step one cut by one decision; return its reward and end.
+        """Step one cut by one decision of ``ticks`` [ms]; return its reward and end.
 
         Its arguments are those of :class:`~cutenv.task.declare.OneCut`, one by one: a call from Python takes a
-        microsecond longer with tuples of arrays.
-
-        Parameters
-        ----------
-        cut, shared, episode : Records, shape (1,)
-            The cut; but for what is shared, changed in place.
-        ticks : int
-            Milliseconds until the next decision.
-        action, observation : array, shape (m,), (components,) float32
-            Action within [-1, 1]; observation, filled.
-        readings, across : Records and array, shape (1, ticks), (ticks,) or (0,)
-            Filled with the readings, and the force across the cut [N], true or as it is measured, if it is not empty.
+        microsecond longer with tuples of arrays.  The observation is filled, and, if they are not empty, ``readings``
+        and ``across``, (ticks,), with the force across the cut [N], true or as it is measured.
         """
         c, e = cut[0], episode[0]
         row, plain = first_row(c.rows), plain_views(c.rows, c.states, c.laws, c.drives)
@@ -197,16 +187,9 @@ def step_some(task: Task) -> Callable[..., None]:
     lanes_of_row, counts_of_row = task.motion.lanes(LANES), task.counts(LANES)
 
     def step_some(passed: WorkQueue, core: int, cuts: Cuts, decision: Decision) -> None:
-        """Step n cuts by one decision.
+        """Step n cuts by one decision, changing ``cuts`` and ``decision`` in place.
 
-        Parameters
-        ----------
-        passed, core : WorkQueue, int
-            Work queue and number of the thread, see :func:`cutenv._engine.parallel.parallel_for`.
-        cuts : Cuts
-            The cuts, changed in place.
-        decision : Decision
-            Actions, and what is filled.
+        ``passed`` and ``core`` are those of :func:`cutenv._engine.parallel.parallel_for`.
         """
         cuts, decision = without_refcount(cuts), without_refcount(decision)
         # One buffer for all rows: it stays in the first-level cache.
@@ -454,21 +437,9 @@ def assess_readings(task: Task) -> Callable[..., tuple[float, int]]:
     ) -> tuple[float, int]:
         """Assess and observe readings, estimating tip, runs and whole cut.
 
-        Parameters
-        ----------
-        one : OneCut
-            The cut, as memory alone, and its episode, changed in place.
-        readings : Records, shape (n,)
-            :data:`~cutenv.sim.cutting.dtypes.READING`; those after an end do not count.
-        ways : array, shape (n, WAYS)
-            Further measurements at each reading, the force across the cut [N] last.
-        action, observation : array, shape (m,), (components,) float32
-            The step's action; the observation, filled.
-
-        Returns
-        -------
-        reward, end : float, int
-            The latter an index in :attr:`~cutenv.task.declare.Task.ends`.
+        The cut in ``one`` is memory alone.  Readings after an end do not count; ``ways``, (n, WAYS), are further
+        measurements at each, the force across the cut [N] last.  Fill the observation; return the reward, and the end
+        as an index in :attr:`~cutenv.task.declare.Task.ends`.
         """
         c, e = one.cut[0], one.episode[0]
         row, plain = first_row(c.rows), plain_views(c.rows, c.states, c.laws, c.drives)

@@ -142,14 +142,7 @@ def steering_records(
 ) -> StructArray:
     """Return :data:`STEERING` records, shape (n,), of blades at the lines' starts.
 
-    Parameters
-    ----------
-    specimens, lines : list of Specimen, of CutLine
-        The tissue, and where to cut.
-    profiles : Records
-        :data:`~cutenv.sim.cutting.dtypes.PROFILE` of the specimens, shape (n,); the stiffness in it is replaced.
-    parameters : SteeringParameters
-        Constants of the law in the plane.
+    The stiffness in ``profiles`` of the specimens is replaced.
     """
     parameters = parameters or SteeringParameters()
     records = np.zeros(len(lines), STEERING)

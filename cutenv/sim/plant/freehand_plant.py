@@ -43,21 +43,8 @@ class Grown(NamedTuple):
 class GrowingModel:
     """Finite-element model whose crack follows that of a cut.
 
-    It tells the stiffness along a line.
-
-    Parameters
-    ----------
-    specimen : Specimen
-        The tissue, whose profiles lie along the line.
-    line : CutLine
-        Line at whose start the cut begins; it tells places.
-    model : SteeredModel, optional
-        Model of the slab, which is copied; by default a new one with elements of 5 mm.
-
-    Attributes
-    ----------
-    model : SteeredModel
-        Mesh and cuts.
+    It tells the stiffness along a line, at whose start the cut begins; the specimen's profiles lie along it.  ``model``
+    is copied; by default it is a new one with elements of 5 mm.
     """
 
     def __init__(self, specimen: Specimen, line: CutLine, model: SteeredModel | None = None) -> None:
@@ -244,10 +231,7 @@ class FreehandPlant(SteeredPlant):
     def displaced(self, opening: float = 0.0) -> list[Array]:
         """Return the model's displaced element outlines, each (3 or 4, 2) [m].
 
-        Parameters
-        ----------
-        opening : float
-            Distance by which the faces of cuts are drawn apart, far from their ends [m].
+        ``opening`` is the distance by which the faces of cuts are drawn apart, far from their ends [m].
         """
         self.settle()
         return self._growing_model.displaced(np.subtract(self.blade, self.tip), opening)

@@ -71,10 +71,7 @@ class ReplayPlant:
     def advance(self, speed: float, angle: float, ticks: int) -> StructArray:
         """Return the next ``ticks`` readings, whatever ``speed`` and ``angle`` are.
 
-        Raises
-        ------
-        EOFError
-            If fewer are left; see :attr:`left`.
+        EOFError if fewer are left; see :attr:`left`.
         """
         if ticks > self.left:
             raise EOFError(f"the record holds {self.left} more milliseconds, not {ticks}.")

@@ -35,14 +35,8 @@ class SimulatedPlant:
 
     Parameters
     ----------
-    specimen : Specimen
-        The tissue to cut.
     drive : Rig, PDRig or Hand, optional
-        Drive of the blade; default the rig.
-    sensor : SensorParameters, optional
-        Noise, resolution and delay of the force sensor.
-    law : LawParameters, optional
-        Constants of the cutting law.
+        Default the rig.
     seed, episode : int
         Random key of the sensor's noise.
     angle : float
@@ -126,22 +120,9 @@ class SimulatedPlant:
     ) -> StructArray:
         """Lead the blade exactly along a path, without drive and sensor.
 
-        Parameters
-        ----------
-        positions, angles, further : array_like, shape (n,) or ()
-            Path, see :func:`cutenv.sim.cutting.simulate.follow` [m], [rad] and [m] or [rad].
-        dt : float
-            Time between two places [s].
-
-        Returns
-        -------
-        Records
-            Readings (:data:`cutenv.sim.cutting.dtypes.READING`), shape (n,), whose force is the true one.
-
-        Raises
-        ------
-        ValueError
-            If the path leaves the specimen.
+        The path, see :func:`cutenv.sim.cutting.simulate.follow`, is of arrays of shape (n,) or () [m], [rad] and [m] or
+        [rad], every ``dt`` [s]; the force of the readings, (n,), is the true one.  ValueError if the path leaves the
+        specimen.
         """
         shape = np.broadcast_shapes(np.shape(positions), np.shape(angles), np.shape(further))
         path = np.empty((*shape, 3))

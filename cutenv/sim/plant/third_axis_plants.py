@@ -37,12 +37,8 @@ class DescendingPlant(SimulatedPlant):
 
     Parameters
     ----------
-    specimen : Specimen
-        The tissue to cut.
     layers : Layers, optional
-        Its layers over the depth; default those of its tissue, where they were measured, or one tissue throughout.
-    descent : DescentParameters, optional
-        Constants of the vertical motion.
+        Layers over the depth; default those of its tissue, where they were measured, or one tissue throughout.
     level : float
         Level of the blade at the start [m], upwards, -0.025 to 0.025.
     **keywords
@@ -99,15 +95,8 @@ class DescendingPlant(SimulatedPlant):
     def advance(self, speed: float, angle: float, ticks: int, descent_speed: float = 0.0) -> StructArray:
         """Command speeds forward and down [m/s] and an angle [rad].
 
-        Returns
-        -------
-        Records
-            Readings (:data:`cutenv.sim.cutting.dtypes.READING`), shape (ticks,); the force along the cut is measured.
-
-        Raises
-        ------
-        ValueError
-            If a command is out of range, or ``ticks`` is no whole number from 1.
+        The readings (:data:`cutenv.sim.cutting.dtypes.READING`), (ticks,), have the measured force along the cut.
+        ValueError if a command is out of range, or ``ticks`` is no whole number from 1.
         """
         return self._advance(speed, angle, ticks, descent_speed)
 
@@ -119,18 +108,13 @@ MAX_TURN_RATE = 4.0
 class SteeredPlant(SimulatedPlant):
     """A simulated specimen, cut by a steered blade.
 
-    The blade is driven where it points and turned to the left and right.
-
-    The specimen's profiles of modulus, toughness and depth lie along the line.
+    The blade is driven where it points and turned to the left and right.  The specimen's profiles of modulus, toughness
+    and depth lie along the line.
 
     Parameters
     ----------
-    specimen : Specimen
-        The tissue to cut.
     line : CutLine
         Line to cut along, see :mod:`cutenv.sim.tissue.lines`; the blade stands at its start and points along it.
-    steering : SteeringParameters, optional
-        Constants of the law in the plane.
     **keywords
         Those of :class:`~cutenv.sim.plant.SimulatedPlant`; ``angle`` is the inclination of the blade.
 
@@ -200,15 +184,8 @@ class SteeredPlant(SimulatedPlant):
     def advance(self, speed: float, angle: float, ticks: int, turn_rate: float = 0.0) -> StructArray:
         """Command speed [m/s], inclination [rad] and left turn [rad/s].
 
-        Returns
-        -------
-        Records
-            Readings (:data:`cutenv.sim.cutting.dtypes.READING`), shape (ticks,); the force along the blade's direction
-            is measured, positions are arc lengths of the line.
-
-        Raises
-        ------
-        ValueError
-            If a command is out of range, or ``ticks`` is no whole number from 1.
+        The readings (:data:`cutenv.sim.cutting.dtypes.READING`), (ticks,), have the measured force along the blade's
+        direction; positions are arc lengths of the line.  ValueError if a command is out of range, or ``ticks`` is no
+        whole number from 1.
         """
         return self._advance(speed, angle, ticks, turn_rate)

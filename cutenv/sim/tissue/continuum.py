@@ -26,14 +26,9 @@ from cutenv.sim.tissue.tip_response import TipResponse, stiffness_matrix, tip_re
 
 @dataclass(frozen=True, kw_only=True)
 class Continuum:
-    """Elements and the equations that they solve.
+    """Elements and the equations that they solve, as :class:`CutModel` takes them.
 
-    The parameters are those of `CutModel`.
-
-    Raises
-    ------
-    ValueError
-        If an argument is out of range, or element, formulation and integration do not go together.
+    ValueError names an argument that is out of range, or what does not go together.
     """
 
     element: str
@@ -97,10 +92,7 @@ def whole_elements(
 ) -> tuple[int, tuple[tuple[int, int], ...]]:
     """Return offset and earlier cuts, x and length, counted in elements.
 
-    Raises
-    ------
-    ValueError
-        If a line is no edge of elements, lies outside, or lies on another one.
+    ValueError if a line is no edge of elements, lies outside, or lies on another one.
     """
 
     def counted(name: str, value: float, axis: int) -> int:

@@ -74,21 +74,11 @@ ASSESSED_TIP: np.dtype[Any] = np.dtype(
 
 
 class MeanTissue(NamedTuple):
-    """Mean tissue, with which an estimate begins.
+    """Mean tissue, with which an estimate begins."""
 
-    Attributes
-    ----------
-    stiffness : array, shape (301,)
-        K [N/m] with the tip at each grid point.
-    passed : int
-        Number of points from the clamp on, at least 1, at which it is known.
-    friction_per_depth : float
-        Friction on a moving blade [N/m].
-    """
-
-    stiffness: StructArray
-    passed: int
-    friction_per_depth: float
+    stiffness: StructArray  # K with the tip at each grid point [N/m], (301,)
+    passed: int  # number of points from the clamp on, at least 1, at which it is known
+    friction_per_depth: float  # on a moving blade [N/m]
 
 
 class BladeReading(NamedTuple):

@@ -264,18 +264,9 @@ def along_line(line: CutLine, x: Array, y: Array) -> tuple[Array, Array]:
 def expected_cut(line: CutLine, x: Array, y: Array, tip: Array, tissue: TissueDescription) -> Array:
     """Return the distance of mean tissue's cut left of its line [m].
 
-    The crack turns toward the force, as the law in the plane has it; stiffness is that of a uniform slab.
-
-    Parameters
-    ----------
-    line : CutLine
-        Line to cut along.
-    x, y : array, shape (n,)
-        Places of the blade along and across the slab [m].
-    tip : array, shape (n,)
-        Lengths of line that the tip has cut [m].
-    tissue : TissueDescription
-        Tissue, for Poisson's ratio and the element of its model.
+    The crack turns toward the force, as the law in the plane has it; stiffness is that of a uniform slab.  ``x``, ``y``
+    are places of the blade along and across the slab [m], ``tip`` the lengths of line that the tip has cut [m], all
+    (n,).
     """
     from cutenv.sim.tissue.path_model import stiffness_at_unit_modulus, straight_stiffness
 

@@ -48,14 +48,9 @@ def bulge(y: ArrayLike, *, edge: float, crown: float, rise_length: float, length
 
         1 / B^n = 1 / crown^n + 1 / rise(y)^n + 1 / fall(length - y)^n
 
-    with n = 6, rise(y) = edge + (crown - edge) y / rise_length, and fall likewise over 1 cm.  With this profile the
-    stiffness changes slowly over the length by which the blade leads the tip: a crack that runs into ever stiffer
-    tissue would have no energy to go on.
-
-    Parameters
-    ----------
-    edge, crown, rise_length, length : float
-        Depth at the clamp and at the crown, length over which it grows from the one to the other, specimen length [m].
+    with n = 6, rise(y) = edge + (crown - edge) y / rise_length, and fall likewise over 1 cm; all lengths in [m].  With
+    this profile the stiffness changes slowly over the length by which the blade leads the tip: a crack that runs into
+    ever stiffer tissue would have no energy to go on.
     """
     in_range("edge", edge, 1e-4, 0.05, "m", "The measured range of depth is 0.001 to 0.02 m.")
     in_range("crown", crown, edge, 0.1, "m", "The crown is no thinner than the edge.")

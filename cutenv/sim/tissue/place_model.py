@@ -88,14 +88,8 @@ def store_numbers(numbers: Array) -> None:
 def stiffness_by_place(numbers: tuple[float, ...] | Array, x: Array, y: Array, straight: TipStiffness) -> TipStiffness:
     """Return M in the slab's axes, in the unit of ``straight``.
 
-    Parameters
-    ----------
-    numbers : sequence of 7 floats
-        c1 to c7.
-    x, y : array, shape (n,)
-        Places of the tip along and across the slab [m].
-    straight : TipStiffness
-        Stiffness along a straight cut, shape (301,).
+    ``numbers`` are c1 to c7, ``x`` and ``y`` places of the tip along and across the slab, (n,) [m], and ``straight``
+    the stiffness along a straight cut, (301,).
     """
     c1, c2, c3, c4, c5, c6, c7 = numbers
     grid = np.arange(N_POINTS) * SPACING

@@ -157,16 +157,11 @@ class Specimen:
             episode.
         specimen_class : {"uniform", "liver", "vascular", "mixed"}
             ``uniform`` has no spread, the mean values of ``tissue`` and its mean depth; ``vascular`` adds 1 or 2 tough
-            inclusions; ``mixed`` is ``liver`` or ``vascular``, half each.
+            inclusions; ``mixed`` is ``liver`` or ``vascular``, half each.  ValueError for another one.
         tissue : TissueDescription, optional
             Default: the measured pig liver.
         liver_factor : float, optional
             Factor from :func:`draw_liver`, to sample several cuts of one liver; by default a liver is sampled too.
-
-        Raises
-        ------
-        ValueError
-            If the class is unknown.
         """
         _check_generator(rng)
         if liver_factor is not None:
@@ -186,12 +181,7 @@ class Specimen:
     ) -> Specimen:
         """Return a random key's specimen, the same in environments and batches.
 
-        Parameters
-        ----------
-        seed, episode : int
-            Key of the environment, 0 to 2**64 - 1.
-        specimen_class, tissue, liver_factor
-            See :meth:`draw`.
+        ``seed`` and ``episode``, 0 to 2**64 - 1, are the key of the environment; for the others see :meth:`draw`.
         """
         check_key(seed, episode)
         key = np.uint64(seed), np.uint64(episode)

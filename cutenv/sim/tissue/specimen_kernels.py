@@ -142,22 +142,11 @@ def is_vascular(seed: Integer, episode: Integer) -> bool:
 def sample_profiles(
     key: Key, liver_factor: float, recipe: Struct, modes: Array, profiles: MaterialProfiles
 ) -> tuple[float, float]:
-    """Sample a specimen.
+    """Sample a specimen into ``profiles``.
 
-    Return its friction per depth [N/m] and its ``inclined_ratio`` [1].
-
-    Parameters
-    ----------
-    key : tuple of int
-        Random key: seed and episode.
-    liver_factor : float
-        Stiffness of the liver relative to the mean [1]; 0: sampled too.
-    recipe : Record
-        :data:`SAMPLER`.
-    modes : array, shape (n_modes, 301)
-        Modes of the random fields.
-    profiles : MaterialProfiles
-        Filled.
+    Return its friction per depth [N/m] and its ``inclined_ratio`` [1].  ``key`` is seed and episode, ``liver_factor``
+    the stiffness of the liver relative to the mean, 0 to sample it too, ``recipe`` a :data:`SAMPLER`, and ``modes``
+    those of the random fields, (n_modes, 301).
     """
     seed, episode = key
     modulus, resistance = profiles.modulus, profiles.fracture_resistance

@@ -50,15 +50,8 @@ class Part(NamedTuple):
 class SplitMesh:
     """Rows of quadrilaterals, some of them split into triangles.
 
-    Parameters
-    ----------
-    corners : array, shape (n_along + 1, n_across + 1, 2)
-        Position of each corner, along the slab and across it to the left [m].
-
-    Attributes
-    ----------
-    positions : array, shape (2 n_along + 1, 2 n_across + 1, 2)
-        Of all places [m].
+    ``corners``, (n_along + 1, n_across + 1, 2), are along the slab and across it to the left [m]; ``positions`` are
+    those of all places, (2 n_along + 1, 2 n_across + 1, 2).
     """
 
     def __init__(self, corners: Array) -> None:
@@ -219,21 +212,10 @@ _ON_THE_WAY = 0.3  # of an element: a node that is nearer to the tip is no next 
 
 
 class Crack:
-    """The crack that grows, among earlier ones.
+    """The crack that grows, among earlier ones, in a mesh of elements of a size [m].
 
-    Parameters
-    ----------
-    mesh : SplitMesh
-        Mesh that it passes.
-    element : float
-        Size of an element [m].
-
-    Attributes
-    ----------
-    corners : list of tuple of int
-        Corners that it has passed, the last of them the tip.
-    angles : list of float
-        Its direction at each [rad], to the left of the slab's axis.
+    ``corners`` are those that it has passed, the last of them the tip, ``angles`` its direction at each [rad], to the
+    left of the slab's axis.
     """
 
     def __init__(self, mesh: SplitMesh, element: float) -> None:
@@ -250,13 +232,7 @@ class Crack:
 
     @property
     def tip(self) -> MeshPlace:
-        """Place of the tip.
-
-        Raises
-        ------
-        ValueError
-            If no cut has begun.
-        """
+        """Place of the tip; raises ValueError if no cut has begun."""
         if not self.corners:
             raise ValueError("The model has no cut yet: begin one.")
         return self.corners[-1]
@@ -304,10 +280,7 @@ class Crack:
     def nearest(self, to: Callable[[MeshPlace], Array | None]) -> tuple[MeshPlace, Array] | None:
         """Return the least-moved corner to become next, with its target.
 
-        Parameters
-        ----------
-        to : callable
-            Gives the point to which a corner would move [m], or nothing if it is not on the way.
+        ``to`` gives the point to which a corner would move [m], or None if it is not on the way.
         """
         found = []
         for step in AROUND:
@@ -328,10 +301,7 @@ class Crack:
     def next_corner(self, direction: Array) -> tuple[MeshPlace, Array]:
         """Return the crack's next corner and its target place [m].
 
-        Raises
-        ------
-        ValueError
-            If a cut or a side is there.
+        ValueError if a cut or a side is there.
         """
         tip, end = self.mesh.at(self.tip), float(self.mesh.positions[-1, 0, 0])
 
@@ -383,13 +353,6 @@ class AugmentedSystem:
     G grows by a solve for every touched unknown.  This is the Schur complement of the augmented matrices of Yeung,
     Crouch and Pothen (2016, arXiv:1603.04479); it is dense and solved directly, as a cut through a plane model touches
     hundreds of unknowns, where theirs touches thousands and iterates.
-
-    Parameters
-    ----------
-    factors : SparseFactors
-        Factorisation of the matrix, of size ``n``.
-    n : int
-        Number of its unknowns.
     """
 
     def __init__(self, factors: SparseFactors, n: int) -> None:
@@ -507,18 +470,8 @@ class SplitStiffness:
     """Stiffness of a slab clamped at x = 0, factorised once.
 
     Each doubled node has a jump: by half of it either face moves along the crack, the left one back and the right one
-    forth; faces that open have a second one, across.
-
-    Parameters
-    ----------
-    mesh : SplitMesh
-        Mesh before any cut.
-    modulus : array, shape (n_along, n_across)
-        Relative modulus of the cells [1].
-    lame : tuple of float
-        Lame parameters of unit Young's modulus.
-    opens : bool
-        Whether the faces open.
+    forth; faces that open have a second one, across.  ``mesh`` has no cut yet; ``modulus`` is that of its cells over a
+    common one, (n_along, n_across), and ``lame`` the Lame parameters of unit Young's modulus.
     """
 
     def __init__(self, mesh: SplitMesh, modulus: Array, lame: tuple[float, float], *, opens: bool) -> None:
