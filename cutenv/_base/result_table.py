@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-ColumnHead = str | tuple[str, str]
-"""Heading of a column or row: a text, or a text and a unit."""
+ColumnHead = str | tuple[str, str]  # heading of a column or row: a text, or a text and a unit
 
 
 class Reason(str):

@@ -28,8 +28,7 @@ class Declaration:
     Copied or unpickled, it is the same object.
     """
 
-    place: str
-    """Module and name of the object, "package.module:NAME"."""
+    place: str  # module and name of the object, "package.module:NAME"
 
     def __reduce__(self) -> tuple[Callable[[str], Any], tuple[str]]:
         return _object_at, (self.place,)

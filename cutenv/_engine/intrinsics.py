@@ -14,8 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 Arrays = TypeVar("Arrays", bound=tuple[Any, ...])
-CACHE_LINE = 8
-"""64-bit words in a cache line, and so in a row of counters."""
+CACHE_LINE = 8  # 64-bit words in a cache line, and so in a row of counters
 _plain = threading.Lock()  # used only where nothing is compiled
 
 

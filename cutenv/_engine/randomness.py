@@ -19,8 +19,7 @@ from cutenv._engine.elementary import exp, log
 from cutenv._engine.jit import njit, njit_inline, njit_internal
 
 Integer: TypeAlias = int | np.integer[Any]
-Key: TypeAlias = tuple[Integer, Integer]
-"""Random key of a cut: seed and episode."""
+Key: TypeAlias = tuple[Integer, Integer]  # random key of a cut: seed and episode
 
 # Streams: one for each use; numbers of different streams are independent.
 # NumPy integers, because Numba would compile every function anew for each value of a plain Python number.

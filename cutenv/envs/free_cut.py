@@ -22,10 +22,8 @@ class FreeEpisode(PathEpisode):
     The model tells the stiffness as the crack grows.
     """
 
-    growing: GrowingModel
-    """Model of the slab, cut as far as it has followed."""
-    lost: str | None = None
-    """Reason why the crack could not be followed further; the stiffness is then held."""
+    growing: GrowingModel  # model of the slab, cut as far as it has followed
+    lost: str | None = None  # reason why the crack could not be followed further; the stiffness is then held
 
     def _begin(self) -> None:
         super()._begin()

@@ -31,8 +31,7 @@ from cutenv.task.observation import CLIP, within_reach
 from cutenv.task.reward import greatest_action
 from cutenv.task.stepper import step_one
 
-RESET_OPTIONS = ("specimen", "target_length", "episode")
-"""Options of a reset."""
+RESET_OPTIONS = ("specimen", "target_length", "episode")  # options of a reset
 _UPDATES_HZ = 1000
 _GROUPS = tuple((group, tuple(field.name for field in fields)) for group, fields in GROUPS.items())
 

@@ -234,17 +234,13 @@ class RigSource:
             )
         self.supply: FakeSpecimens | EmulatedSpecimens | None = None
         """Supply of drawn specimens, once there is a session; its ``layers`` and ``line`` are for the next one laid."""
-        self.fake: FakeRig | None = None
-        """Fake rig in use, if there is one."""
+        self.fake: FakeRig | None = None  # fake rig in use, if there is one
         self._folder = None if records is None else Path(records)
-        self.emulator: RunningEmulator | None = None
-        """Running emulator, if there is one."""
+        self.emulator: RunningEmulator | None = None  # running emulator, if there is one
         self._record: AppendingRecord | None = None
         self._camera: RigCamera | None = None
-        self.records: list[Path] = []
-        """Files of the finished cuts."""
-        self.listener: CutListener | None = None
-        """Listener to the cuts as they go on, if there is one."""
+        self.records: list[Path] = []  # files of the finished cuts
+        self.listener: CutListener | None = None  # listener to the cuts as they go on, if there is one
 
     def session(self) -> RigSession:
         """Make the rig's session, which connects at its first cut."""

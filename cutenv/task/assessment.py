@@ -29,12 +29,9 @@ from cutenv.task.info import INFO_FIELDS, column
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, CLIP, COMPONENTS
 from cutenv.task.reward import CUT_ENDS, ENDS, OF_MILLISECOND, REWARD
 
-NEAR_TARGET = 0.010
-"""Distance from the target to which the blade must have come before the task can be finished [m]."""
-SPEED_AT_REST = 0.5e-3
-"""Speed below which the blade counts as at rest [m/s]."""
-FORCE_UNLOADED = 0.1
-"""Force above friction below which the blade counts as unloaded [N]."""
+NEAR_TARGET = 0.010  # distance from the target to which the blade must have come before the task can be finished [m]
+SPEED_AT_REST = 0.5e-3  # speed below which the blade counts as at rest [m/s]
+FORCE_UNLOADED = 0.1  # force above friction below which the blade counts as unloaded [N]
 
 _FINISHED = ENDS.index("finished")
 _DECLARED: dict[str, tuple[Any, ...]] = {"reward": REWARD, "seen": COMPONENTS, "info": INFO_FIELDS}
@@ -73,10 +70,8 @@ def count_dtype(lanes: int) -> np.dtype[Any]:
     return np.dtype((np.record, [(name, kind, (lanes,)) for name, kind in fields]))
 
 
-COUNT = count_dtype(LANES)
-"""Accumulators of a row of a batch."""
-COUNT_ONE = count_dtype(1)
-"""Accumulators of a single cut."""
+COUNT = count_dtype(LANES)  # accumulators of a row of a batch
+COUNT_ONE = count_dtype(1)  # accumulators of a single cut
 
 
 def _fused(name: str, parameters: Iterable[str], lines: Iterable[str]) -> Any:
@@ -201,22 +196,15 @@ def begin_count(count: Struct, k: Integer, task: Struct, progress: Struct) -> No
 class Millisecond(NamedTuple):
     """A millisecond of a cut, as it is counted."""
 
-    position: float
-    """Position of the blade [m]."""
-    velocity: float
-    """Velocity of the blade [m/s]."""
-    force: float
-    """Force on the blade, true or measured [N]."""
-    felt: float
-    """Measured force [N]."""
+    position: float  # position of the blade [m]
+    velocity: float  # velocity of the blade [m/s]
+    force: float  # force on the blade, true or measured [N]
+    felt: float  # measured force [N]
     held: float
     """Force with which the tissue holds the blade [N]: measured, and where it has a part across the cut, their norm."""
-    tip: float
-    """Crack tip, true or estimated [m]."""
-    jump: float
-    """Unstable growth, true or estimated [m]."""
-    depth: float
-    """Depth of cut at the blade [m]."""
+    tip: float  # crack tip, true or estimated [m]
+    jump: float  # unstable growth, true or estimated [m]
+    depth: float  # depth of cut at the blade [m]
 
 
 @njit_inline

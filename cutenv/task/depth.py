@@ -71,23 +71,15 @@ AT_LEVEL, UNCHANGING, RAMPED, STEPPED, MIXED_WANTED = range(5)
 """Kinds of wanted depth: the specimen's own profile (a blade that stays at level 0), or a depth below the surface."""
 WANTED_KINDS = {"profile": AT_LEVEL, "constant": UNCHANGING, "ramp": RAMPED, "step": STEPPED, "mixed": MIXED_WANTED}
 """Kinds by name; "mixed" draws one of constant, ramp and step."""
-SHALLOW, DEEP = 0.006, 0.014
-"""Range from which wanted depths are drawn [m]."""
-LEAST_CHANGE = 0.003
-"""Least difference between the two depths of a ramp or a step [m]."""
-STEP_LENGTH = 0.002
-"""Length along the cut within which a step changes [m]: a blade takes time to descend."""
-LEAST_BELOW, MOST_BELOW = 0.001, 0.004
-"""Range of the distance from the deepest wanted place to the layer below [m]."""
-TOUGHNESS_RANGE = (0.3, 4.0)
-"""Range of that layer's toughness over the tissue's, drawn by its logarithm; assumed."""
-MODULUS_RANGE = (0.3, 3.0)
-"""Range of that layer's modulus over the tissue's, drawn by its logarithm; assumed."""
+SHALLOW, DEEP = 0.006, 0.014  # range from which wanted depths are drawn [m]
+LEAST_CHANGE = 0.003  # least difference between the two depths of a ramp or a step [m]
+STEP_LENGTH = 0.002  # length along the cut within which a step changes [m]: a blade takes time to descend
+LEAST_BELOW, MOST_BELOW = 0.001, 0.004  # range of the distance from the deepest wanted place to the layer below [m]
+TOUGHNESS_RANGE = (0.3, 4.0)  # range of that layer's toughness over the tissue's, drawn by its logarithm; assumed
+MODULUS_RANGE = (0.3, 3.0)  # range of that layer's modulus over the tissue's, drawn by its logarithm; assumed
 
-DESCENT_SCALE = 0.010
-"""Speed downwards of descent action 1 [m/s]."""
-LOOK_AHEAD = (0.005, 0.010, 0.020)
-"""Distances ahead of the blade at which the wanted depth is observed [m]."""
+DESCENT_SCALE = 0.010  # speed downwards of descent action 1 [m/s]
+LOOK_AHEAD = (0.005, 0.010, 0.020)  # distances ahead of the blade at which the wanted depth is observed [m]
 
 DEPTH_COMPONENTS = (
     Component(name="vertical", meaning="vertical force now, upwards", unit="N", scale=5.0),
@@ -149,8 +141,7 @@ DEPTH: np.dtype[Any] = np.dtype(
 )
 """Record of a cut's wanted depth, and of its floor so far, by which its depth is assessed."""
 
-RESPONSE = round(FLOOR_EVERY / TICK)
-"""Milliseconds between two responses of the expected floor."""
+RESPONSE = round(FLOOR_EVERY / TICK)  # milliseconds between two responses of the expected floor
 EXPECTED: np.dtype[Any] = np.dtype(
     (np.record, [("levels", "f8", (RESPONSE + 1,)), *((name, DESCENT[name]) for name in DESCENT.names or ())])
 )

@@ -49,16 +49,11 @@ class Goal:
 
     tissue: TissueDescription
     """Tissue that a rig assumes; gives nominal stiffness and friction."""
-    friction_per_depth: float
-    """Friction of the moving blade over the depth of cut, true or nominal [N/m]."""
-    target_length: float
-    """Length to cut [m]."""
-    deadline: float = 30.0
-    """Time limit [s]."""
-    ticks: int = 20
-    """Milliseconds between decisions."""
-    start: float = 0.0
-    """Length of the cut that is already made [m]."""
+    friction_per_depth: float  # friction of the moving blade over the depth of cut, true or nominal [N/m]
+    target_length: float  # length to cut [m]
+    deadline: float = 30.0  # time limit [s]
+    ticks: int = 20  # milliseconds between decisions
+    start: float = 0.0  # length of the cut that is already made [m]
     key: tuple[int, int] | None = (0, 0)
     """Seed and episode; None: what the task adds is left as it is before a cut begins."""
     weights: RewardWeights = RewardWeights()  # noqa: RUF009  frozen
@@ -72,13 +67,10 @@ class TaskOptions:
     """
 
     task: ClassVar[Task] = GENTLE_CUT
-    """The task."""
-    names: ClassVar[tuple[str, ...]] = ()
-    """Names of the keywords."""
+    names: ClassVar[tuple[str, ...]] = ()  # names of the keywords
     surface = SurfaceSpread(surface_spread=0.0)
     """Spread of the surface between drawn specimens; none: the depth of cut is the mean liver's."""
-    given: dict[str, Any]
-    """The task's keywords as they were given."""
+    given: dict[str, Any]  # the task's keywords as they were given
 
     def __init__(self, keywords: dict[str, Any]) -> None:
         self.given = {name: keywords[name] for name in self.names if name in keywords}
@@ -137,8 +129,7 @@ class Episode:
         self._numbers: tuple[NDArray[np.float64], NDArray[np.int64]]  # the last info's record
         self._cuts: Cuts  # both are views, kept, because making one takes as long as a step
         self.last_action = np.zeros(len(self.task.action_names))
-        self.record = np.zeros(1, self.task.episode)
-        """Record of the episode, :attr:`~cutenv.task.declare.Task.episode` of shape (1,)."""
+        self.record = np.zeros(1, self.task.episode)  # record of the episode, episode of shape (1,)
         self.record["tasks"] = task_record(
             goal.weights, goal.limits, target=goal.target_length, deadline=goal.deadline,
             friction_per_depth=goal.friction_per_depth, speeds=(goal.tissue.speed_min, goal.tissue.speed_max),
@@ -148,8 +139,7 @@ class Episode:
         if not self.task.from_truth:
             believe_mean(self.record["known"]["tip"], goal.friction_per_depth)
             _fill(self.record["known"]["motion"][0], self.options.expected(goal.tissue))
-        self.shared = self.options.shared(goal.tissue)
-        """Record that all cuts of the task and tissue share, shape (1,)."""
+        self.shared = self.options.shared(goal.tissue)  # record that all cuts of the task and tissue share, shape (1,)
         self._felt: StructArray | None = None
         self._channels: dict[str, Array] = {}
         self._end = 0
@@ -469,15 +459,11 @@ class ShownDepth(NamedTuple):
     It is above the plane to which a blade at level 0 cuts; arrays of shape (301,).
     """
 
-    level: float
-    """Level of the blade's lower end."""
+    level: float  # level of the blade's lower end
     surface: Array
-    floor: Array
-    """Floor of the cut, hidden; where nothing is cut, the surface."""
-    wanted: Array
-    """Wanted floor, below the true surface."""
-    layer: Array
-    """Upper side of the layer below, hidden."""
+    floor: Array  # floor of the cut, hidden; where nothing is cut, the surface
+    wanted: Array  # wanted floor, below the true surface
+    layer: Array  # upper side of the layer below, hidden
 
 
 class ShownPath(NamedTuple):
@@ -486,17 +472,10 @@ class ShownPath(NamedTuple):
     Places along and across the slab, to the left [m].
     """
 
-    line: Array
-    """The line, every 0.5 mm, shape (301, 2)."""
-    target: int
-    """Point of the line where the cut is to end."""
-    cut: Array
-    """The cut from the clamp to its tip, hidden, shape (n, 2)."""
-    tip: Array
-    """Shape (2,), hidden."""
-    blade: Array
-    """Shape (2,)."""
-    heading: Array
-    """Direction in which the blade points, shape (2,)."""
-    aside: float
-    """Distance of the blade to the left of the line."""
+    line: Array  # the line, every 0.5 mm, shape (301, 2)
+    target: int  # point of the line where the cut is to end
+    cut: Array  # the cut from the clamp to its tip, hidden, shape (n, 2)
+    tip: Array  # shape (2,), hidden
+    blade: Array  # shape (2,)
+    heading: Array  # direction in which the blade points, shape (2,)
+    aside: float  # distance of the blade to the left of the line

@@ -73,10 +73,8 @@ from cutenv.task.episode import Episode, Goal, ShownPath, TaskOptions
 from cutenv.task.observation import SPEED_SCALE, Component, speed_action, to_action
 from cutenv.task.reward import with_weights
 
-TURN_SCALE = 1.5
-"""Rate of turn of action 1 [rad/s]: more than the sharpest bend of a line at full speed asks for."""
-LINE_AHEAD = (0.005, 0.010, 0.020)
-"""Distances ahead of the blade at which the line is observed [m]."""
+TURN_SCALE = 1.5  # rate of turn of action 1 [rad/s]: more than the sharpest bend of a line at full speed asks for
+LINE_AHEAD = (0.005, 0.010, 0.020)  # distances ahead of the blade at which the line is observed [m]
 _ASIDE, _DIRECTION, _BEND = 0.005, 0.5, 25.0  # scales
 
 PATH_COMPONENTS = (
@@ -152,8 +150,7 @@ PATH: np.dtype[Any] = np.dtype(
 """Record of a cut's line, and of its distance to it so far, by which its path is assessed."""
 
 _FUSIFORM = KINDS.index("fusiform")
-GIVEN_LINE = MIXED_LINES + 1
-"""Number, after those of the kinds, of a line that is given."""
+GIVEN_LINE = MIXED_LINES + 1  # number, after those of the kinds, of a line that is given
 _KINDS = len(MIXED_KINDS)
 _EVERY = round(ESTIMATED_EVERY / TICK)
 _STEP = 0.0002  # [m] of line after which the expected crack turns, as in cutenv.sim.tissue.path_model
@@ -662,8 +659,7 @@ class PathOptions(TaskOptions):
 
     names = ("line", *PathConstants.__dataclass_fields__, *SteeringParameters.__dataclass_fields__)
     task = PATH_CUT
-    usual: ClassVar[str] = "mixed"
-    """Kind of line where none is given."""
+    usual: ClassVar[str] = "mixed"  # kind of line where none is given
 
     def __init__(self, keywords: dict[str, Any]) -> None:
         super().__init__(keywords)

@@ -28,8 +28,7 @@ PRIVILEGED_FEATURES = (
     "R over 200 J/m2, 12 mm further",
 )
 """Names of the privileged features."""
-LAG = 1
-"""Number of the lag among them."""
+LAG = 1  # number of the lag among them
 _AHEAD = (0.0, 0.003, 0.006, 0.012)
 
 

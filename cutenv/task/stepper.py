@@ -152,31 +152,21 @@ def step_one(task: Task) -> Callable[..., tuple[float, int]]:
 class Decision(NamedTuple):
     """One decision for n cuts."""
 
-    ticks: int
-    """Milliseconds until the next one."""
-    waiting: StructArray
-    """Mask of cuts to skip because they have ended, array of bool, shape (n,)."""
-    actions: StructArray
-    """Actions within [-1, 1], shape (n, m)."""
-    observations: StructArray
-    """Filled, float32 of shape (n, components)."""
-    rewards: StructArray
-    """Filled, shape (n,)."""
-    ends: StructArray
-    """Filled with indices in :attr:`~cutenv.task.declare.Task.ends`, int64 of shape (n,)."""
-    infos: StructArray
-    """Filled, :data:`~cutenv.task.info.INFO` of shape (n,)."""
-    readings: StructArray
-    """Filled up to a cut's end, :data:`~cutenv.sim.cutting.dtypes.READING` of shape (n, ticks); (0, 0) for none."""
+    ticks: int  # milliseconds until the next one
+    waiting: StructArray  # mask of cuts to skip because they have ended, array of bool, shape (n,)
+    actions: StructArray  # actions within [-1, 1], shape (n, m)
+    observations: StructArray  # filled, float32 of shape (n, components)
+    rewards: StructArray  # filled, shape (n,)
+    ends: StructArray  # filled with indices in ends, int64 of shape (n,)
+    infos: StructArray  # filled, INFO of shape (n,)
+    readings: StructArray  # filled up to a cut's end, READING of shape (n, ticks); (0, 0) for none
 
 
 class Ahead(NamedTuple):
     """Cuts that are stepped next, whose records are prefetched meanwhile."""
 
-    records: tuple[StructArray, ...]
-    """Flat views of the records of all cuts, :func:`flat_views`."""
-    first: int
-    """Number of the first of them, and that after the last."""
+    records: tuple[StructArray, ...]  # flat views of the records of all cuts, flat_views
+    first: int  # number of the first of them, and that after the last
     last: int
 
 

@@ -185,7 +185,6 @@ class PDRig:
 
 
 Drive = Rig | PDRig | Hand
-"""Any of them."""
 DRIVES: Mapping[str, type[Rig] | type[PDRig] | type[Hand]] = MappingProxyType({"rig": Rig, "pd": PDRig, "hand": Hand})
 """Drives by the names that an environment's keyword ``drive`` takes."""
 
@@ -238,12 +237,9 @@ def delayed_command(state: Struct, drive: Struct, target: float) -> float:
 class VelocityLoop(NamedTuple):
     """First-order lag with an acceleration limit and end stops."""
 
-    gain: float
-    """Gain in an update, :func:`lag_gain`."""
-    acceleration: float
-    """Limit [m/s2]."""
-    travel: float
-    """The carriage stays within 0 to this [m]."""
+    gain: float  # gain in an update, lag_gain
+    acceleration: float  # limit [m/s2]
+    travel: float  # the carriage stays within 0 to this [m]
 
 
 @njit_inline

@@ -26,8 +26,7 @@ from cutenv._engine.elementary import cotangent
 from cutenv._engine.jit import njit, njit_inline, njit_internal
 from cutenv.sim.tissue.specimen import N_POINTS, POINTS_PER_METRE
 
-LONGEST_ADVANCE = 1e-4
-"""Stable growth [m] that is integrated in one piece: over it R B is taken to change linearly."""
+LONGEST_ADVANCE = 1e-4  # stable growth [m] that is integrated in one piece: over it R B is taken to change linearly
 _MOST_PARTS = 1024  # limit on the parts of a longer one: even across the whole specimen, each stays below 0.15 mm
 _SOFTEST = 0.1  # share of K: if force hardly falls with growth, the tip would have to leap; loading is then elastic
 
@@ -35,44 +34,30 @@ _SOFTEST = 0.1  # share of K: if force hardly falls with growth, the tip would h
 class Loading(NamedTuple):
     """Motion of a blade that loads the tissue."""
 
-    x: float
-    """Position of the blade at its end [m]."""
-    length: float
-    """Length of the motion [m]."""
-    speed: float
-    """Speed of the blade [m/s]."""
-    angle: float
-    """Angle of the blade [rad]."""
+    x: float  # position of the blade at its end [m]
+    length: float  # length of the motion [m]
+    speed: float  # speed of the blade [m/s]
+    angle: float  # angle of the blade [rad]
 
 
 class Loaded(NamedTuple):
     """Crack tip and tissue before a step of loading."""
 
-    a: float
-    """Tip [m]."""
-    F: float
-    """Elastic force [N]."""
-    U: float
-    """Stored energy [J]."""
-    K: float
-    """Stiffness at the tip [N/m]."""
-    toughness: float
-    """R B there [N]."""
-    ledger: float
-    """Ledger [J]."""
+    a: float  # tip [m]
+    F: float  # elastic force [N]
+    U: float  # stored energy [J]
+    K: float  # stiffness at the tip [N/m]
+    toughness: float  # R B there [N]
+    ledger: float  # ledger [J]
 
 
 class RunningCrack(NamedTuple):
     """Tip of a running crack, and the energies of its growth."""
 
-    tip: float
-    """Tip [m]."""
-    ledger: float
-    """Ledger [J]."""
-    fracture: float
-    """Fracture energy so far [J]."""
-    loss: float
-    """Loss so far [J]."""
+    tip: float  # tip [m]
+    ledger: float  # ledger [J]
+    fracture: float  # fracture energy so far [J]
+    loss: float  # loss so far [J]
 
 
 @njit_inline
@@ -334,8 +319,7 @@ class EnergyAccount(NamedTuple):
     friction: float
     loss: float
     ledger: float
-    residual: float
-    """Work minus all the others."""
+    residual: float  # work minus all the others
 
 
 @njit_inline

@@ -28,8 +28,7 @@ from cutenv.sim.cutting.dtypes import TICK
 from cutenv.sim.cutting.row import BLOCK, ONE, take_sensor
 
 _LONGEST_DELAY = 64  # ticks that the delay line holds, a power of two
-WRAP = _LONGEST_DELAY - 1
-"""Bit mask from a tick to its index in the delay line."""
+WRAP = _LONGEST_DELAY - 1  # bit mask from a tick to its index in the delay line
 _ROOT_TICK = math.sqrt(TICK)  # square roots are rounded alike on every machine, powers are not
 
 SENSOR: np.dtype[Any] = np.dtype(

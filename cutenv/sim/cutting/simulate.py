@@ -47,14 +47,11 @@ class Physics(NamedTuple):
     laws: StructArray
     drives: StructArray
     sensors: StructArray
-    motions: StructArray
-    """Records of the motion, :attr:`~cutenv.sim.cutting.motion.Motion.record`."""
-    shared: StructArray
-    """Record that all cuts share, shape (1,)."""
+    motions: StructArray  # records of the motion, record
+    shared: StructArray  # record that all cuts share, shape (1,)
 
 
-CUT = STRAIGHT.cut
-"""One straight cut in one record."""
+CUT = STRAIGHT.cut  # one straight cut in one record
 
 
 @compiled_for(njit)

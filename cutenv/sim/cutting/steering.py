@@ -60,8 +60,7 @@ LINE_REACH = 0.015
 _FADE = 1e-3  # length behind the tip over which the distance to the faces fades into that to the crack's course [m]
 _LEAST_GROWN = 1e-6  # [m], of the crack since a point of the grid, from which the two give its direction
 _LEAST_COSINE = 0.25  # of the angle between crack and line: a crack across the line would make no way along it
-LEAST_SPREAD = 0.25
-"""Least 1 - curvature times distance: beyond it lies the centre of the line's curvature."""
+LEAST_SPREAD = 0.25  # least 1 - curvature times distance: beyond it lies the centre of the line's curvature
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -189,14 +188,10 @@ def begin_steering(profile: Struct, steering: Struct, tip: float) -> None:
 class CrackFrame(NamedTuple):
     """Stiffness at a point of the line, along the crack's direction."""
 
-    stiffness: float
-    """Along the crack, K_ee [N/m]."""
-    coupling: float
-    """c [1]."""
-    side_stiffness: float
-    """K_nn - c K_en [N/m]."""
-    stretch: float
-    """Length of crack per length of line [1]."""
+    stiffness: float  # along the crack, K_ee [N/m]
+    coupling: float  # c [1]
+    side_stiffness: float  # k_nn - c K_en [N/m]
+    stretch: float  # length of crack per length of line [1]
 
 
 class LineStiffness(NamedTuple):
@@ -211,8 +206,7 @@ class LineStiffness(NamedTuple):
     along: float
     coupled: float
     sideways: float
-    off_line: tuple[float, float, float]
-    """Changes by a tip beside the line, see :mod:`cutenv.sim.tissue.place_model` [1/m]."""
+    off_line: tuple[float, float, float]  # changes by a tip beside the line, see place_model [1/m]
 
 
 @njit_inline

@@ -21,11 +21,9 @@ from cutenv.sim.tissue.lines import SIDE_MARGIN, WIDTH, CutLine, straight
 from cutenv.sim.tissue.specimen import Specimen
 from cutenv.sim.tissue.steered_model import SteeredModel
 
-NODES_AHEAD = 3
-"""Nodes for which the model tells the stiffness of a crack that goes straight on."""
+NODES_AHEAD = 3  # nodes for which the model tells the stiffness of a crack that goes straight on
 _ELEMENT = 0.01  # of the model to which the measured moduli belong [m]
-FREE_SIDE = 0.5 * WIDTH - SIDE_MARGIN
-"""Largest distance of the blade to the axis of the slab [m]."""
+FREE_SIDE = 0.5 * WIDTH - SIDE_MARGIN  # largest distance of the blade to the axis of the slab [m]
 _CHUNK = 10  # milliseconds after which the tip is followed: the crack turns no sooner
 
 

@@ -20,14 +20,12 @@ from cutenv.sim.cutting.sensor import SensorParameters, sensor_records
 from cutenv.sim.cutting.simulate import Physics, account_one, follow, hold
 from cutenv.sim.tissue.specimen import LENGTH, N_POINTS, SPACING, Specimen
 
-ANGLE_RANGE = (math.radians(45.0), math.radians(90.0))
-"""Measured angles of the blade [rad]."""
+ANGLE_RANGE = (math.radians(45.0), math.radians(90.0))  # measured angles of the blade [rad]
 
 _MOST_TICKS = 10**7  # of one call
 _NONE_ACROSS: Array = np.zeros(0)  # forces across the cut of a motion that has none
 _ANGLE_LOW, _ANGLE_HIGH = ANGLE_RANGE[0] - 1e-9, ANGLE_RANGE[1] + 1e-9  # slack for rounding through degrees and back
-MAX_SPEED = 0.5
-"""Largest commanded speed [m/s]."""
+MAX_SPEED = 0.5  # largest commanded speed [m/s]
 
 
 class SimulatedPlant:

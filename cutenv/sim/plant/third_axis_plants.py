@@ -101,8 +101,7 @@ class DescendingPlant(SimulatedPlant):
         return self._advance(speed, angle, ticks, descent_speed)
 
 
-MAX_TURN_RATE = 4.0
-"""Largest rate of turn of the blade [rad/s]: a bend of 6 mm at full speed."""
+MAX_TURN_RATE = 4.0  # largest rate of turn of the blade [rad/s]: a bend of 6 mm at full speed
 
 
 class SteeredPlant(SimulatedPlant):

@@ -80,10 +80,8 @@ class Continuum:
         return modulus * relative * strain_energy_density(mesh.basis, u, self.formulation, self.poisson)
 
 
-METRES = "Lengths are in metres: 5 cm is 0.05."
-"""Cure of a length that is out of range."""
-POSITIVE_MODULUS = "It is Young's modulus in pascals, and positive."
-"""Cure of a modulus that is out of range."""
+METRES = "Lengths are in metres: 5 cm is 0.05."  # cure of a length that is out of range
+POSITIVE_MODULUS = "It is Young's modulus in pascals, and positive."  # cure of a modulus that is out of range
 _WHOLE = 1e-6  # of an element: a line that is so close to an edge lies on it
 
 

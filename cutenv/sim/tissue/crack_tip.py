@@ -22,8 +22,7 @@ from cutenv.sim.tissue.grid import SPACING
 
 ESTIMATED_EVERY = 0.020
 """Time between two readings from which a tip that never goes back is estimated, longer than the sensor's noise [s]."""
-PRESLIDING = 50e-6
-"""Motion over which friction is taken to reverse [m]."""
+PRESLIDING = 50e-6  # motion over which friction is taken to reverse [m]
 _ITERATIONS = 3  # of a = x - F/K(a): converges by K'(x - a)/K each time
 _STEADY = -0.002  # [m/s], speed below which a blade draws back steadily
 _FORWARD = 0.0005  # [m/s], speed above which friction opposes an advance

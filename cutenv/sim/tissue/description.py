@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     from cutenv.sim.tissue.cut_model import CutModel
 
 
-CUTS_PER_LIVER = 4
-"""Number of parallel cuts in a liver (section 5.3, Figure 3.8)."""
+CUTS_PER_LIVER = 4  # number of parallel cuts in a liver (section 5.3, Figure 3.8)
 
 _MODEL_THICKNESS = 0.01  # the finite-element specimen behind Table 5.5 is 1 cm thick (section 4.2) [m]
 

@@ -43,18 +43,14 @@ MIXED_KINDS = ("straight", "arc", "s", "excision", "random")
 """Kinds of drawn lines of which "mixed" is one; their targets are drawn apart from them."""
 KINDS = (*MIXED_KINDS, "fusiform")
 """All kinds of drawn lines; a half of a fusiform excision has a length of its own, and is cut from end to end."""
-MIXED_LINES = len(KINDS)
-"""Number of the kind that is one of :data:`MIXED_KINDS`."""
-OF_A_KIND = 64
-"""Lines of each kind but the straight one."""
+MIXED_LINES = len(KINDS)  # number of the kind that is one of MIXED_KINDS
+OF_A_KIND = 64  # lines of each kind but the straight one
 LEAST_LENGTH = 0.13
 """Length of each within the slab [m]: the longest cut that is drawn, and room for the blade that leads its tip."""
-LENGTH_TO_WIDTH = 2.5, 4.0
-"""Range of a fusiform excision's length over its width, as surgeons plan them."""
+LENGTH_TO_WIDTH = 2.5, 4.0  # range of a fusiform excision's length over its width, as surgeons plan them
 END_ANGLES = math.radians(25.0), math.radians(45.0)
 """Range of the angle between each of its sides and its axis, at its ends [rad]."""
-FUSIFORM_LENGTHS = 0.060, 0.100
-"""Range of the length of one side [m]: that from which targets are drawn."""
+FUSIFORM_LENGTHS = 0.060, 0.100  # range of the length of one side [m]: that from which targets are drawn
 LEAST_ASIDE = 0.008
 """Distance that each but the straight one comes away from the axis of the slab within the longest cut [m]."""
 STORED: dict[str, Any] = {"element": "quad8", "formulation": "plane_stress", "poisson": 0.3}

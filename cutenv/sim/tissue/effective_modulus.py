@@ -29,8 +29,7 @@ from cutenv.sim.tissue.tables import table
 Falls = tuple[tuple[float, float, float], ...]
 """Steps of a fall: share of the whole [1], and the two speeds [m/s] between which it is linear."""
 
-MOST = 3
-"""Largest number of steps that the cutting law has fields for."""
+MOST = 3  # largest number of steps that the cutting law has fields for
 
 
 def checked_falls(name: str, given: Iterable[Iterable[float]]) -> Falls:

@@ -19,12 +19,9 @@ from cutenv.sim.tissue.description import TissueDescription
 from cutenv.sim.tissue.grid import N_POINTS, POINTS_PER_METRE, SPACING
 from cutenv.sim.tissue.layers import Layers, summed_toughness, toughness_within
 
-EDGE_LENGTH = 0.006
-"""Length of a blade's edge that meets the floor of a cut [m]; assumed, 3 to 10 mm."""
-BEDDING = 1.0
-"""Stiffness of the floor under an edge, per length, over the modulus [1]; assumed, 0.5 to 2."""
-FLOOR_EVERY = 0.010
-"""Time between two responses of an expected floor [s]."""
+EDGE_LENGTH = 0.006  # length of a blade's edge that meets the floor of a cut [m]; assumed, 3 to 10 mm
+BEDDING = 1.0  # stiffness of the floor under an edge, per length, over the modulus [1]; assumed, 0.5 to 2
+FLOOR_EVERY = 0.010  # time between two responses of an expected floor [s]
 _MOST_STEPS, _NEAR = 60, 0.05  # of the search for the depth by which the floor gives way; its relative step at the end
 
 

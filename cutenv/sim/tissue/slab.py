@@ -105,8 +105,7 @@ def _row_moduli(
     return np.asarray(np.bincount(row, product * part) / np.bincount(row, part))
 
 
-UNKNOWNS = 8
-"""Number of unknowns kept on each border between rows."""
+UNKNOWNS = 8  # number of unknowns kept on each border between rows
 _FIELDS, _FIELD_CV, _FIELD_POINTS, _FIELD_LENGTH = 60, 0.5, 20, 0.020  # sample fields for the basis; points per row
 
 
@@ -198,12 +197,9 @@ def _basis(shapes: Array) -> Array:
     return np.column_stack([leading @ rest, leading @ tip / (tip @ tip)])
 
 
-ROWS = 15
-"""Number of rows of elements along the cut, one centimetre each."""
-THICKNESS = 0.025
-"""Thickness T of a slab of liver (thesis 3.2) [m]."""
-DEPTHS = np.linspace(0.0, 1.0, 51)
-"""Values of B/T in the table of partial depth."""
+ROWS = 15  # number of rows of elements along the cut, one centimetre each
+THICKNESS = 0.025  # thickness T of a slab of liver (thesis 3.2) [m]
+DEPTHS = np.linspace(0.0, 1.0, 51)  # values of B/T in the table of partial depth
 _IN_ROW = (N_POINTS - 1) // ROWS  # points of a field per row
 _STEPS = len(DEPTHS) - 1
 

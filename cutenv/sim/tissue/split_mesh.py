@@ -24,8 +24,7 @@ from cutenv.sim.tissue.mesh import ELEMENT_KINDS, CutMesh
 from cutenv.sim.tissue.path_model import PathMesh
 from cutenv.sim.tissue.tip_response import sparse_factors
 
-MeshPlace = tuple[int, int]
-"""Place of a node in half elements, along and across."""
+MeshPlace = tuple[int, int]  # place of a node in half elements, along and across
 
 AROUND: tuple[MeshPlace, ...] = ((2, 0), (2, 2), (2, -2), (0, 2), (0, -2), (-2, 2), (-2, -2), (-2, 0))
 """Steps to the eight corners around a corner."""
@@ -62,8 +61,7 @@ class SplitMesh:
         self.positions[1::2, ::2] = 0.5 * (corners[1:] + corners[:-1])
         self.positions[::2, 1::2] = 0.5 * (corners[:, 1:] + corners[:, :-1])
         self.split: dict[MeshPlace, tuple[Part, Part]] = {}
-        self.moved: set[MeshPlace] = set()
-        """Cells that no longer have their first shape."""
+        self.moved: set[MeshPlace] = set()  # cells that no longer have their first shape
 
     def copy(self) -> SplitMesh:
         """Return an independent copy."""
@@ -205,8 +203,7 @@ def _triangle(corners: list[MeshPlace]) -> Part:
     return Part((a, b, c, halfway(a, b), halfway(b, c), halfway(a, c)))
 
 
-SAME_PLACE = 1e-9
-"""Largest distance between places that are the same, in elements."""
+SAME_PLACE = 1e-9  # largest distance between places that are the same, in elements
 _THINNEST = 0.1  # of a cell: an element that would become smaller at a corner is no way for the crack
 _ON_THE_WAY = 0.3  # of an element: a node that is nearer to the tip is no next one
 
@@ -450,20 +447,15 @@ class DoubledMesh(NamedTuple):
     Places along the slab and to its left.
     """
 
-    nodes: Array
-    """[m], shape (n, 2)."""
+    nodes: Array  # [m], shape (n, 2)
     quadrilaterals: Indices
     """Nodes of the 8-node elements: corners counter-clockwise, then the middles of the edges from each, (m, 8)."""
     triangles: Indices
     """Nodes of the 6-node elements: corners, then the middles of the edges 1-2, 2-3, 1-3, shape (k, 6)."""
-    pairs: Indices
-    """Nodes on the left and the right face of a cut behind its tip, shape (p, 2)."""
-    directions: Array
-    """Direction in which either pair may slide, shape (p, 2)."""
-    clamped: Indices
-    """Nodes that do not move."""
-    tip: int
-    """Node that the blade pulls at."""
+    pairs: Indices  # nodes on the left and the right face of a cut behind its tip, shape (p, 2)
+    directions: Array  # direction in which either pair may slide, shape (p, 2)
+    clamped: Indices  # nodes that do not move
+    tip: int  # node that the blade pulls at
 
 
 class SplitStiffness:

@@ -203,8 +203,7 @@ def measured_fracture_resistance() -> FractureResistance:
     return FractureResistance(mean=float(averages.mean()), sd=math.sqrt(variance_within + float(averages.var(ddof=0))))
 
 
-FOLDER = "derived"
-"""Folder of the assets with these files."""
+FOLDER = "derived"  # folder of the assets with these files
 
 
 def derived_value(name: str) -> float:
