@@ -135,11 +135,7 @@ def _remembered(own: Any, context: Any, args: Any, kws: Any) -> Any:
     return found
 
 
-_FASTER = (
-    (_flags, "__eq__", _equal),
-    (_flags, "__hash__", _hash),
-    (_function, "get_call_type", _remembered),
-)
+_FASTER = ((_flags, "__eq__", _equal), (_flags, "__hash__", _hash), (_function, "get_call_type", _remembered))
 
 
 class LateInterrupt:

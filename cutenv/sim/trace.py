@@ -176,11 +176,7 @@ class Trace:
 
     @classmethod
     def from_readings(
-        cls,
-        readings: Iterable[Reading],
-        *,
-        force_unit: str = "N",
-        metadata: Mapping[str, Any] | None = None,
+        cls, readings: Iterable[Reading], *, force_unit: str = "N", metadata: Mapping[str, Any] | None = None
     ) -> Trace:
         """Collect two or more readings, in order of time, into a trace.
 

@@ -549,9 +549,7 @@ PATH_TRUTH = (
         ),
     ),
     CutNumber(
-        name="aside_m",
-        meaning="distance of the tip to the left of the line",
-        value=lambda motion: motion.tip_aside,
+        name="aside_m", meaning="distance of the tip to the left of the line", value=lambda motion: motion.tip_aside
     ),
 )
 PATH_CUT = Task(

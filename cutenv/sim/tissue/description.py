@@ -463,13 +463,7 @@ def following_means() -> dict[str, Any]:
     return {"intercept_90": start, "slope_90": slope, "falls_90": steps}
 
 
-FITTED = (
-    "modulus",
-    "modulus_between_cut_cv",
-    "rise_length",
-    "fracture_resistance",
-    "fracture_between_cut_cv",
-)
+FITTED = ("modulus", "modulus_between_cut_cv", "rise_length", "fracture_resistance", "fracture_between_cut_cv")
 """Fields fitted by ``scripts/derivations/specimens.py``: virtual measurement of drawn specimens against the tables."""
 
 

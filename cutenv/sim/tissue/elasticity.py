@@ -201,11 +201,7 @@ def _shapes(nodes: int) -> tuple[Array, Array]:
 
 
 def local_compliance(
-    elements: Sequence[Sequence[Hashable]],
-    position: Callable[[Any], Array],
-    node: Hashable,
-    lam: float,
-    mu: float,
+    elements: Sequence[Sequence[Hashable]], position: Callable[[Any], Array], node: Hashable, lam: float, mu: float
 ) -> Array:
     """Return a node's displacement per force on it, shape (2, 2).
 
