@@ -199,13 +199,6 @@ def test_a_value_out_of_range_is_refused_by_field_value_range_and_cure(call, fie
     check_refusal(call, field, value)
 
 
-def test_a_refusal_without_a_cure_would_be_noticed():
-    from cutenv._base.validation import in_range
-
-    with pytest.raises(AssertionError):
-        check_refusal(lambda: in_range("depth", 2, 0.0, 0.1, "m"), "depth", "2 m")
-
-
 UNLIKE: list[tuple[Callable[[], Any], type[Exception], str]] = [
     (lambda: MODEL.stiffness("5"), TypeError, "cut_length must be real numbers in m"),
     (lambda: MODEL.convert_modulus(48e3, 5, 0.05), TypeError, "to must be a CutModel"),

@@ -116,10 +116,7 @@ def test_a_misspelt_reset_option_names_the_nearest():
         ({"target_length": 80}, r"target_length = 80 m is outside 0.015 to 0.13 m\. .*80 mm is 0.08"),
         ({"target_length": math.nan}, r"target_length = nan m is outside .*80 mm is 0.08"),
         ({"control_hz": 0}, r"control_hz = 0 Hz is outside 1 to 1000 Hz\. Give decisions per second"),
-        (
-            {"control_hz": 33},
-            r"control_hz = 33 does not divide 1000\. Take one of 1, 2, 4, 5, 8, 10, 20, .*, 1000\.",
-        ),
+        ({"control_hz": 33}, r"control_hz = 33 does not divide 1000\. Take one of 1, 2, 4, 5, 8, 10, 20, .*, 1000\."),
         ({"fixed_angle_deg": 1.57}, r"fixed_angle_deg = 1.57 deg is outside 45 to 90 deg\. \w+"),
         ({"deadline_s": math.inf}, r"deadline_s = inf s is outside 1 to 3600 s"),
         ({"weight_jump": -0.1}, r"jump = -0.1 is outside 0 to 100\. Default 0.03"),

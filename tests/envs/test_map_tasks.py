@@ -232,10 +232,7 @@ def test_no_trick_of_the_third_axis_pays(task, trick):
     assert gained.mean() + 1.96 * gained.std() / math.sqrt(len(gained)) < 0.0
 
 
-@pytest.mark.parametrize(
-    ("task", "simple", "rounds"),
-    [("depth", HoldDepth, 4), ("path", BladeOnLine, 2)],
-)
+@pytest.mark.parametrize(("task", "simple", "rounds"), [("depth", HoldDepth, 4), ("path", BladeOnLine, 2)])
 def test_the_script_beats_the_simple_one_and_the_planner_beats_both(task, simple, rounds):
     gained = honest(task) - returns(task, simple())
     assert gained.mean() - 1.96 * gained.std() / math.sqrt(len(gained)) > 0.0

@@ -81,11 +81,6 @@ def test_the_slab_is_carried_by_its_tip(slab: Slab, tip: float) -> None:
     check_carries_the_tip(slab, slab.displacement(tip, 0.006), tip, 0.006)
 
 
-def test_a_slab_displaced_for_another_tip_is_noticed(slab: Slab) -> None:
-    with pytest.raises(AssertionError):
-        check_carries_the_tip(slab, slab.displacement(0.07, 0.006), 0.05, 0.006)
-
-
 def test_the_lattice_moves_as_the_nodes_of_the_finite_element_model(slab: Slab) -> None:
     model, tip, lag = slab.model, 0.05, 0.004
     modulus, thickness = 48e3, 0.018
@@ -164,11 +159,6 @@ def check_edge(outline: NDArray[np.float64], blade: float, angle: float, depth: 
 def test_the_edge_leans_at_its_angle_through_its_place_at_the_surface(degrees: float, depth: float) -> None:
     angle = math.radians(degrees)
     check_edge(places("blade", angle=angle, depth=depth), 0.06, angle, depth)
-
-
-def test_an_edge_at_another_angle_is_noticed() -> None:
-    with pytest.raises(AssertionError):
-        check_edge(places("blade", angle=math.radians(80)), 0.06, math.radians(90), 0.018)
 
 
 def test_the_cut_front_stands_at_the_tip_and_leaves_the_wedge() -> None:
@@ -318,16 +308,10 @@ def check_told_apart(first: tuple[int, int, int], second: tuple[int, int, int], 
 
 @pytest.mark.parametrize("sight", DICHROMATS)
 @pytest.mark.parametrize(
-    "pair",
-    [("GAIN", "LOSS"), ("SUCCESS", "FAILURE"), ("TARGET", "LIMIT"), ("TARGET", "FORCE"), ("LIMIT", "FORCE")],
+    "pair", [("GAIN", "LOSS"), ("SUCCESS", "FAILURE"), ("TARGET", "LIMIT"), ("TARGET", "FORCE"), ("LIMIT", "FORCE")]
 )
 def test_colours_that_mean_something_are_told_apart_without_red_or_green(pair: tuple[str, str], sight: str) -> None:
     check_told_apart(getattr(palette, pair[0]), getattr(palette, pair[1]), sight)
-
-
-def test_a_red_and_a_green_are_not_told_apart_so_the_check_can_fail() -> None:
-    with pytest.raises(AssertionError):
-        check_told_apart((214, 80, 40), (100, 140, 40), "deuteranopia")
 
 
 def test_the_tissue_darkens_steadily_with_displacement() -> None:

@@ -260,13 +260,6 @@ def test_the_target_line_stands_where_the_geometry_says(env: GentleCutEnv, lengt
     check_target_at(picture_of(env), length)
 
 
-@pytest.mark.parametrize("error", [-0.001, 0.001])
-def test_a_target_line_a_millimetre_away_is_noticed(env: GentleCutEnv, error: float) -> None:
-    env.reset(seed=0, options={"target_length": 0.08})
-    with pytest.raises(AssertionError):
-        check_target_at(picture_of(env), 0.08 + error)
-
-
 def check_tolerance_at(picture: Picture, edge: float) -> None:
     """The band of the tolerance ends at ``edge`` in the chart: tinted to the left, not to the right."""
     column, row = LAYOUT.along(edge), round(LAYOUT.chart_top + 30)
@@ -277,12 +270,6 @@ def check_tolerance_at(picture: Picture, edge: float) -> None:
 
 def test_the_tolerance_ends_three_millimetres_beyond_the_target(env: GentleCutEnv) -> None:
     check_tolerance_at(picture_of(env), 0.083)
-
-
-@pytest.mark.parametrize("edge", [0.082, 0.084])
-def test_a_tolerance_of_another_width_is_noticed(env: GentleCutEnv, edge: float) -> None:
-    with pytest.raises(AssertionError):
-        check_tolerance_at(picture_of(env), edge)
 
 
 @pytest.mark.parametrize(("end", "colour"), [("finished", palette.SUCCESS), ("overshoot", palette.FAILURE)])

@@ -108,12 +108,6 @@ def test_a_strip_is_stiffer_in_plane_strain_by_one_less_poisson_squared(
     check_strip(element, formulation, poisson, free_to_contract)
 
 
-@pytest.mark.parametrize("element", ["quad8", "quad8_mixed"])
-def test_a_clamped_strip_is_stiffer_than_that(element: str) -> None:
-    with pytest.raises(AssertionError):
-        check_strip(element, "plane_strain", 0.3, CutMesh.constraints)
-
-
 def check_kelvin(formulation: str, softening_per_halving: float) -> None:
     """Half as large elements add ln 2 times Kelvin's coefficient to the compliance under a point load."""
     coarse, fine = (model(formulation=formulation, divisions=d) for d in ((16, 30), (32, 60)))
@@ -124,11 +118,6 @@ def check_kelvin(formulation: str, softening_per_halving: float) -> None:
 @pytest.mark.parametrize("formulation", ["plane_stress", "plane_strain"])
 def test_refining_the_mesh_softens_it_by_kelvins_logarithm(formulation: str) -> None:
     check_kelvin(formulation, KELVIN[formulation])
-
-
-def test_kelvins_coefficients_tell_the_formulations_apart() -> None:
-    with pytest.raises(AssertionError):
-        check_kelvin("plane_stress", KELVIN["plane_strain"])
 
 
 POISSON = (0.0, 0.3, 0.45, 0.499)
@@ -148,11 +137,7 @@ def strain_rotation(angle: float, shear_factor: float) -> NDArray[np.float64]:
     c, s = np.cos(angle), np.sin(angle)
     k = shear_factor
     return np.array(
-        [
-            [c * c, s * s, 2 * c * s / k],
-            [s * s, c * c, -2 * c * s / k],
-            [-c * s * k, c * s * k, c * c - s * s],
-        ]
+        [[c * c, s * s, 2 * c * s / k], [s * s, c * c, -2 * c * s / k], [-c * s * k, c * s * k, c * c - s * s]]
     )
 
 
@@ -267,12 +252,6 @@ def test_elements_hold_the_work_of_the_blade(name: str) -> None:
 
 def test_the_incompressible_element_holds_the_work_of_the_blade() -> None:
     check_energy_closes(CutModel("quad8_mixed", "plane_strain", 0.5), 0.5)
-
-
-@pytest.mark.parametrize("name", ["quad8", "mixed"])
-def test_another_poisson_ratio_than_the_field_s_is_noticed(name: str) -> None:
-    with pytest.raises(AssertionError):
-        check_energy_closes(CutModel(**MODELS[name]), 0.35)
 
 
 def test_energy_is_mirror_symmetric() -> None:

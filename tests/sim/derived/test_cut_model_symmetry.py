@@ -110,12 +110,6 @@ def test_unit_stiffness_falls_as_the_load_leaves_the_clamp() -> None:
     check_falls_ever_slower_to_the_middle(model.tips, np.asarray(model.stiffness(model.tips)))
 
 
-def test_mid_side_nodes_answer_a_point_load_differently() -> None:
-    """Mixed with the corners they make the curve zigzag: a tip stands on corners alone."""
-    with pytest.raises(AssertionError):
-        check_falls_ever_slower_to_the_middle(*uncut_plate_stiffness("quad8", 0.3))
-
-
 # ------------------------------------------------------------------------------------ reciprocity and energy
 
 
@@ -151,12 +145,6 @@ def test_the_work_of_the_blade_is_stored_in_the_specimen(element: str, divisions
     check_work_is_stored(tip_responses(mesh, stiffness, slipping=True), stiffness)
 
 
-def test_the_work_of_the_blade_is_not_stored_in_another_material() -> None:
-    mesh = mesh_of("quad8", (8, 15))
-    with pytest.raises(AssertionError):
-        check_work_is_stored(tip_responses(mesh, stiffness_of(mesh), slipping=True), stiffness_of(mesh, poisson=0.31))
-
-
 # ------------------------------------------------------------------------------------- mirror and similarity
 
 
@@ -183,8 +171,7 @@ def check_mirror(model: CutModel, mirrored: CutModel) -> None:
 def test_a_mirrored_specimen_answers_as_its_mirror_image(element: str, divisions: tuple[int, ...]) -> None:
     modulus = uneven_modulus(divisions, seed=4)
     check_mirror(
-        model_of(element, divisions, modulus),
-        model_of(element, divisions, mirrored_modulus(modulus, divisions)),
+        model_of(element, divisions, modulus), model_of(element, divisions, mirrored_modulus(modulus, divisions))
     )
     turned = modulus.reshape(divisions)[:, ::-1].ravel()
     with pytest.raises(AssertionError):
@@ -205,8 +192,3 @@ def test_unit_stiffness_is_a_pure_number(element: str, divisions: tuple[int, ...
     """All lengths times a factor, the thickness too: kappa stays, displacements fall as 1 / thickness."""
     modulus = uneven_modulus(divisions, seed=5)
     check_similarity(model_of(element, divisions, modulus), model_of(element, divisions, modulus, scale), scale)
-
-
-def test_unit_stiffness_changes_when_one_length_alone_changes() -> None:
-    with pytest.raises(AssertionError):
-        check_similarity(CutModel(), CutModel(width=0.16, length=0.15 * 2.1), 2.1)

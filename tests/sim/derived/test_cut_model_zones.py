@@ -269,8 +269,3 @@ def test_pairs_ahead_of_the_tip_stay_tied_between_corners(
     element: str, divisions: tuple[int, ...], cut_length: float
 ) -> None:
     check_between_corners(model_of(element, divisions, halves(divisions, 3.0)), cut_length)
-
-
-def test_equal_halves_do_not_slip_between_corners() -> None:
-    with pytest.raises(AssertionError):
-        check_between_corners(CutModel(), 0.08)

@@ -124,12 +124,6 @@ def test_a_sudden_drop_of_force_makes_the_hand_lurch():
     check_lurch(Hand())
 
 
-@pytest.mark.parametrize("drive", [Rig(), PDRig()])
-def test_a_rig_does_not_lurch(drive):
-    with pytest.raises(AssertionError):
-        check_lurch(drive)
-
-
 def coasting(mass: float, friction: float, presliding: float) -> Any:
     """Places [m] of a free blade, the hand's grip as weak as it may be, that friction of so many newtons stops."""
     pulled = PulledBlade(Hand(mass=mass, coupling_stiffness=10.0, coupling_damping=0.0), 0.15)
@@ -188,22 +182,6 @@ def test_what_the_hand_gives_is_what_the_tissue_takes():
     check_hands_own_balance(hand, states, float(states["work"][-1]))
     with pytest.raises(AssertionError):
         check_hands_own_balance(hand, states, 1.1 * float(states["work"][-1]))
-
-
-@pytest.mark.parametrize(
-    ("drive", "field", "value"),
-    [
-        (Rig, "motor_lag", 40.0),
-        (Rig, "acceleration", math.nan),
-        (Rig, "rotation_rate", 90.0),
-        (Hand, "mass", 150.0),
-        (Hand, "coupling_stiffness", -1.0),
-        (Hand, "coupling_damping", math.inf),
-    ],
-)
-def test_nonsense_is_refused_by_name(drive, field, value):
-    with pytest.raises(ValueError, match=field):
-        drive(**{field: value})
 
 
 def check_later_by(ticks: int, rig: Rig) -> None:

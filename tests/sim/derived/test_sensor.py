@@ -40,13 +40,6 @@ def test_readings_are_the_nearest_multiple_of_the_resolution():
     check_resolution(readings(sensor(force_resolution=0.05), forces), forces, 0.05)
 
 
-def test_a_sensor_that_rounds_down_or_not_at_all_fails_the_check():
-    forces = np.linspace(-1.0, 2.0, 1001)
-    for broken in (0.05 * np.floor(forces / 0.05), forces):
-        with pytest.raises(AssertionError):
-            check_resolution(broken, forces, 0.05)
-
-
 @pytest.mark.parametrize("ticks", [0, 1, 10, 63])
 def test_delay_is_exact(ticks):
     forces = np.random.default_rng(1).normal(size=300)
@@ -67,15 +60,6 @@ def check_noise(read: Any, deviation: float) -> None:
 
 def test_noise_has_its_standard_deviation_and_is_white():
     check_noise(readings(sensor(force_noise=0.02), np.zeros(40_000)), 0.02)
-
-
-def test_other_noise_fails_the_check():
-    rng = np.random.default_rng(2)
-    louder = readings(sensor(force_noise=0.021), np.zeros(40_000))
-    uniform = rng.uniform(-1.0, 1.0, 40_000) * 0.02 * math.sqrt(3.0)
-    for broken in (louder, uniform, np.full(40_000, 0.02)):
-        with pytest.raises(AssertionError):
-            check_noise(broken, 0.02)
 
 
 def test_drift_is_a_random_walk_with_its_deviation_after_one_second():
@@ -120,12 +104,3 @@ def test_the_simulated_plant_reads_through_the_same_sensor():
     plant = SimulatedPlant(homogeneous(), sensor=parameters, seed=11, episode=5)
     record = np.concatenate([plant.advance(0.02, UPRIGHT, 20).copy() for _ in range(100)])
     assert np.array_equal(readings(Sensor(parameters, seed=11, episode=5), record["true_force"]), record["force"])
-
-
-@pytest.mark.parametrize(
-    ("field", "value"),
-    [("force_noise", -0.01), ("force_resolution", math.nan), ("force_delay", 10.0), ("force_drift", 2.0)],
-)
-def test_nonsense_is_refused_by_name(field, value):
-    with pytest.raises(ValueError, match=field):
-        SensorParameters(**{field: value})

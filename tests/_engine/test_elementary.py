@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 import cutenv
-from cutenv._engine import elementary, randomness
+from cutenv._engine import randomness
 from cutenv._engine.elementary import arctangent, cotangent, exp, log, sine_and_cosine, tanh
 from cutenv._engine.jit import njit
 from cutenv._engine.randomness import generator, normal_at, philox
@@ -86,15 +86,6 @@ def check_last_places(found: np.ndarray, x: np.ndarray, of: Any, allowed: float)
 @pytest.mark.parametrize(("function", "of", "x", "allowed"), CASES, ids=NAMES)
 def test_functions_are_right_to_the_last_places(function, of, x, allowed):
     check_last_places(in_a_kernel(function, x), x, of, allowed)
-
-
-@pytest.mark.parametrize(("function", "of", "x", "allowed"), CASES, ids=NAMES)
-def test_a_series_that_ends_a_term_too_early_fails_the_check(monkeypatch, function, of, x, allowed):
-    terms = {exp: "_E13", tanh: "_E13", log: "_L19", cotangent: "_S15"}  # _L21 is a fifth of a last place
-    monkeypatch.setattr(elementary, terms[function], 0.0)
-    broken = np.array([function(each) for each in x.tolist()])
-    with pytest.raises(AssertionError):
-        check_last_places(broken, x, of, allowed)
 
 
 @pytest.mark.parametrize(("function", "of", "x", "allowed"), CASES, ids=NAMES)
@@ -321,26 +312,9 @@ def test_numbers_are_standard_normal():
     check_normal(normals(1, 2, 3, N))
 
 
-def test_other_distributions_fail_the_check():
-    rng = np.random.default_rng(0)
-    for broken in (
-        rng.uniform(-math.sqrt(3), math.sqrt(3), N),
-        1.02 * rng.standard_normal(N),
-        rng.standard_t(8, N),
-    ):
-        with pytest.raises(AssertionError):
-            check_normal(broken)
-
-
 def test_neighbours_in_counter_stream_episode_and_seed_are_independent():
     z = normals(1, 2, 3, N)
-    others = [
-        normals(2, 2, 3, N),
-        normals(1, 3, 3, N),
-        normals(1, 2, 4, N),
-        normals(2, 1, 3, N),
-        np.roll(z, 1),
-    ]
+    others = [normals(2, 2, 3, N), normals(1, 3, 3, N), normals(1, 2, 4, N), normals(2, 1, 3, N), np.roll(z, 1)]
     for one, two in itertools.combinations([z, *others], 2):
         assert abs(np.mean(one * two)) < 4.0 / math.sqrt(N)
         assert abs(np.mean(one**2 * two**2) - 1.0) < 4.0 * math.sqrt(8.0 / N)
