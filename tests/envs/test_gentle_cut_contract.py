@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import itertools
 import math
 import pickle
 
@@ -18,15 +17,7 @@ from whole_cut import cut, make, steady
 
 from cutenv.agents.policy import ConstantFeed
 from cutenv.agents.policy.interface import to_actions
-from cutenv.envs.depth_cut import DepthCutEnv
-from cutenv.envs.gentle_cut import GentleCutEnv
-from cutenv.envs.path_cut import PathCutEnv
-from cutenv.sim.tissue.specimen import CLASSES
 from cutenv.task.observation import DEAD_ZONE, commanded_speed, in_units, to_action
-
-NAMES = ("specimen_class", "angle_mode", "reward_from", "drive")
-MODES = list(itertools.product(CLASSES, ("free", "fixed"), ("truth", "estimate"), ("rig", "hand")))
-CHECKED = [(GentleCutEnv, dict(zip(NAMES, mode, strict=True))) for mode in MODES]
 
 
 def actions(count: int, seed: int = 0) -> np.ndarray:
@@ -52,15 +43,6 @@ def play(env, commands):
         if record[-1][2]:
             record.append(env.reset())
     return record
-
-
-@pytest.mark.parametrize(("environment", "keywords"), [*CHECKED, (DepthCutEnv, {}), (PathCutEnv, {})])
-@pytest.mark.filterwarnings("error")
-def test_both_checkers_pass_without_a_warning(environment, keywords):
-    env = environment(**keywords)
-    gymnasium_check(env, skip_render_check=True)
-    sb3_check(env)
-    env.close()
 
 
 @pytest.mark.parametrize("render_mode", ["rgb_array", None])
@@ -211,14 +193,6 @@ def test_to_action_gives_the_action_that_commands_a_speed(speed):
         batch.step(command[None])
     assert env.unwrapped.cutting.readings["speed"][-1] == pytest.approx(speed, abs=1e-6)
     assert batch.unwrapped.cuts.states["speed"][0] == pytest.approx(speed, abs=1e-6)
-
-
-@pytest.mark.parametrize("action", [0.5, [0.5], [0.5, 0.5, 0.5], [[0.5, 0.5]], []])
-def test_an_action_of_the_wrong_shape_is_refused(action):
-    env = make().unwrapped
-    env.reset(seed=0)
-    with pytest.raises(ValueError, match=r"action .* must hold 2 numbers"):
-        env.step(np.array(action, np.float32))
 
 
 def test_no_step_before_a_reset_nor_after_the_end():

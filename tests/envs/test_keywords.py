@@ -21,7 +21,6 @@ from cutenv.sim.tissue import Specimen, measured_liver
 from cutenv.sim.tissue.specimen import CLASSES
 from cutenv.task.reward import Limits, RewardWeights
 
-IDS = sorted(name for name in gymnasium.registry if name.startswith("cutenv/"))
 TISSUE = dataclasses.replace(measured_liver(), name="softer", intercept_90=30e3, intercept_45=25e3)
 
 
@@ -43,16 +42,6 @@ TISSUE = dataclasses.replace(measured_liver(), name="softer", intercept_90=30e3,
 def test_a_misspelt_argument_constant_or_weight_is_an_error_that_names_the_nearest(typed, meant):
     with pytest.raises(TypeError, match=rf"{typed!r}.*Did you mean '{meant}'"):
         make(**{typed: 0.1})
-
-
-@pytest.mark.parametrize("environment", IDS)
-def test_an_unknown_keyword_is_the_type_error_of_python_for_every_id(environment):
-    known = r"(help\(\w+\) lists what it takes|It takes .*render_mode)"
-    said = rf"^\w+\.__init__\(\) got an unexpected keyword argument 'frameskip'\. {known}"
-    with pytest.raises(TypeError, match=said):
-        gymnasium.make(environment, frameskip=4)
-    with pytest.raises(TypeError, match=said):
-        gymnasium.make_vec(environment, num_envs=2, frameskip=4)
 
 
 def test_a_constant_of_the_tissue_is_unexpected_and_the_message_tells_where_it_belongs():

@@ -18,31 +18,6 @@ from cutenv.sim.cutting.row import LANES
 from cutenv.sim.tissue import Specimen, measured_liver
 from cutenv.task.observation import in_units, to_action
 
-MODES = ["NextStep", "SameStep"]
-
-
-KEYWORDS = [
-    {},
-    {"specimen_class": "uniform"},
-    {"specimen_class": "vascular", "angle_mode": "fixed", "fixed_angle_deg": 60.0},
-    {"specimen_class": "liver", "drive": "hand", "target_length": 0.07},
-    {"reward_from": "estimate"},
-    {"force_drift": 0.02, "force_delay": 0.003, "weight_jump": 0.7, "depth_noise": 0.002},
-    {"force_limit_per_depth": 300.0},
-    {"start_before_target": 0.02},
-    {"start_before_target": 0.005, "reward_from": "estimate", "drive": "hand", "specimen_class": "uniform"},
-]
-
-
-@pytest.mark.parametrize(
-    ("keywords", "mode"),
-    [({}, MODES[1]), *((keywords, MODES[number % 2]) for number, keywords in enumerate(KEYWORDS))],
-    ids=str,
-)
-def test_a_batch_is_bit_for_bit_single_environments_over_whole_episodes(keywords, mode):
-    ended, _ = run_both(*both(mode, **(SHORT | keywords)))
-    assert ended >= 2 * N
-
 
 def test_it_stays_so_with_the_default_rate_and_deadline_to_all_ends():
     ended, ends = run_both(*both(num_envs=3, force_limit_per_depth=500.0), steps=2500)
