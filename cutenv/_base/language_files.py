@@ -1,7 +1,4 @@
-"""Languages of pages, one file each.
-
-Texts by key, phrases by their English, and how numbers and dates are written.
-"""
+"""Languages of pages, one file each: texts, phrases, numbers and dates."""
 
 from __future__ import annotations
 

@@ -23,10 +23,7 @@ T = TypeVar("T")
 
 @contextmanager
 def progress_bar(description: str, unit: str, *, total: int | None = None) -> Iterator[Callable[[int], object]]:
-    """Show a progress bar on standard error; yield what counts so many more units.
-
-    Nothing where tqdm, which only shows it, is not installed.
-    """
+    """Show a progress bar on standard error, given tqdm; yield what counts units."""
     try:
         from tqdm import tqdm  # an extra
     except ModuleNotFoundError:

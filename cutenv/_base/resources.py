@@ -1,7 +1,4 @@
-"""Paths of the measured data, and the checkout's commit.
-
-The data lie beside the package in a checkout, inside it in a wheel.
-"""
+"""Paths of the measured data beside or inside the package; the checkout's commit."""
 
 from __future__ import annotations
 

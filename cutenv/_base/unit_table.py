@@ -1,7 +1,4 @@
-"""Units of measurement.
-
-The table says how each is spelled, and its exact size in SI units; every other table reads from it.
-"""
+"""Units of measurement: spellings, and exact sizes in SI units."""
 
 from __future__ import annotations
 

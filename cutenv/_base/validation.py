@@ -65,10 +65,7 @@ def one_of(name: str, value: T, choices: Iterable[T]) -> T:
 
 
 class UnexpectedKeyword(TypeError):
-    """Keyword that is not taken.
-
-    Python's own error, which a command can tell apart from a fault of the program.
-    """
+    """Python's error for a keyword not taken, which a command can tell apart."""
 
 
 def unexpected_keyword(of: str, keyword: str, known: Iterable[str] = (), cure: str = "") -> UnexpectedKeyword:
@@ -105,11 +102,9 @@ def parameter(
     sensitivity: tuple[float, float] | None = None,
     title: str = "",
 ) -> Any:
-    """Declare a dataclass field for one physical constant.
+    """Declare a dataclass field for one physical constant, ``title`` on report pages.
 
     ``source`` names the table, the derivation or the reason.
-
-    ``title`` is its name on report pages.
     """
     metadata = {
         "unit": unit,
@@ -154,9 +149,6 @@ def parameter_table(*groups: Any) -> list[dict[str, Any]]:
 
 
 def taken_from(keywords: dict[str, Any], kind: type[T]) -> T:
-    """Pop a ``kind``'s constants from ``keywords``, and return them.
-
-    ValueError or TypeError for a value out of range.
-    """
+    """Pop a ``kind``'s constants from ``keywords``, and return them, in range."""
     names = [field.name for field in dataclasses.fields(kind) if field.name in keywords]  # type: ignore[arg-type]
     return kind(**{name: keywords.pop(name) for name in names})

@@ -23,10 +23,7 @@ from typing import Any, TypeAlias
 
 
 class Declaration:
-    """Object of a module from which kernels are made.
-
-    Copied or unpickled, it is the same object.
-    """
+    """Object of a module from which kernels are made, the same when copied."""
 
     place: str  # module and name of the object, "package.module:NAME"
 

@@ -181,10 +181,7 @@ _from_dtype: Any = numpy_support.from_dtype
 
 
 class Lanes(types.NestedArray):
-    """Type of a field of a row.
-
-    An array of fixed shape whose elements are addressed directly.
-    """
+    """Type of a row's field: an array of fixed shape, addressed directly."""
 
 
 class RowType(types.Record):

@@ -156,10 +156,7 @@ def normal_at_the_rim(
 
 
 def generator(seed: int, episode: int = 0) -> np.random.Generator:
-    """Return a NumPy generator keyed by ``seed`` and ``episode``.
-
-    ValueError unless both are from 0 to below 2**64.
-    """
+    """Return a NumPy generator keyed by ``seed`` and ``episode``, 0 to 2**64 - 1."""
     check_key(seed, episode)
     key: NDArray[np.uint64] = np.array([seed, episode], dtype=np.uint64)
     return np.random.Generator(np.random.Philox(key=key))

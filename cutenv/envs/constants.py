@@ -1,7 +1,4 @@
-"""Constants of an episode by keyword.
-
-Each belongs to the drive, the sensor, the law, the task or the lab.
-"""
+"""Constants of an episode by keyword: of drive, sensor, law, task or lab."""
 
 from __future__ import annotations
 

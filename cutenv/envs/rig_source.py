@@ -1,7 +1,4 @@
-"""Source of the rig that an environment uses.
-
-Hardware by its file, its own emulator, or a fake in memory.
-"""
+"""Source of an environment's rig: a file, an emulator, a fake in memory."""
 
 from __future__ import annotations
 
@@ -138,10 +135,7 @@ _AS_BUILT = {"backlash"}  # of the emulated screw by default: the simulator's de
 
 
 def emulator_arguments(constants: Constants) -> list[str]:
-    """Return ``cutenv rig emulate`` options with the simulator's constants.
-
-    ValueError if the emulator has no option for a constant that differs from its default.
-    """
+    """Return ``cutenv rig emulate`` options of constants; ValueError if one has none."""
     plain, arguments = Constants(), []
     for part in ("drive", "sensor", "law"):
         own, usual = getattr(constants, part), getattr(plain, part)

@@ -1,7 +1,4 @@
-"""A person's hand beside an agent.
-
-While it intervenes its action replaces the agent's, and the info says so.
-"""
+"""A person's hand beside an agent, whose action it replaces."""
 
 from __future__ import annotations
 

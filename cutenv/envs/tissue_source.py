@@ -1,7 +1,4 @@
-"""Source of an environment's specimens.
-
-The measured liver, another tissue, or one given specimen.
-"""
+"""Source of an environment's specimens: measured liver, another tissue, a given one."""
 
 from __future__ import annotations
 

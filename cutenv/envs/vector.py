@@ -97,10 +97,7 @@ class CutBatch:
         )
 
     def give_seeds(self, seeds: Sequence[int | None], which: NDArray[np.int64], chance: np.random.Generator) -> None:
-        """Assign ``seeds`` to cuts ``which``; None keeps a cut's own.
-
-        There is one for each cut of the batch.  A cut without a seed draws one from ``chance``.
-        """
+        """Assign a seed each to cuts ``which``; None keeps a cut's own, or draws by ``chance``."""
         if len(seeds) != len(self):
             raise ValueError(f"seed holds {len(seeds)} numbers; give one for each of {len(self)} environments.")
         for n in which:
@@ -115,10 +112,7 @@ class CutBatch:
         self._all_begun = bool(self.begun.all())
 
     def begin(self, which: NDArray[np.int64], options: dict[str, Any] | None = None) -> None:
-        """Begin the next cuts ``which``; ``options`` as in :meth:`GentleCutEnv.reset`.
-
-        ValueError or TypeError for an unknown or invalid option.
-        """
+        """Begin the next cuts ``which``; ``options``, and errors, as in :meth:`GentleCutEnv.reset`."""
         options = options or {}
         if options.get("episode") is not None:
             self.episodes[which] = checked_episode(options["episode"])
@@ -192,10 +186,7 @@ class CutBatch:
         return rewards, ends
 
     def checked_actions(self, actions: ArrayLike, waiting: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Return a copy of the actions, clipped to [-1, 1].
-
-        Those of cuts that wait may be NaN; errors are those of :meth:`decide`.
-        """
+        """Return a copy of actions, clipped to [-1, 1]; errors as in :meth:`decide`."""
         if not self._all_begun:
             raise gymnasium.error.ResetNeeded("in some environments no cut is going on: call reset() before step().")
         commands = np.array(actions, np.float64)

@@ -1,7 +1,4 @@
-"""A recorded cut, reduced to what a rig can measure.
-
-One instant (`Reading`), and the whole cut (`Trace`).
-"""
+"""A recorded cut, reduced to what a rig can measure."""
 
 from __future__ import annotations
 

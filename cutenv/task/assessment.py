@@ -220,10 +220,7 @@ def norm_held(felt: float, across: float, pull: float) -> float:
 
 @njit_inline
 def count_lane(count: Struct, k: Integer, now: Millisecond) -> None:
-    """Count a millisecond of lane ``k``, setting ``count.end`` (:data:`~cutenv.task.reward.ENDS`).
-
-    ``count`` are the accumulators of a row (:func:`count_dtype`).
-    """
+    """Count a millisecond of lane ``k``, setting ``count.end`` (:data:`~cutenv.task.reward.ENDS`)."""
     position, velocity, force, felt, held, tip, jump, depth = now
     moved, speed, size = position - count.position[k], abs(velocity), abs(force)
     depth = max(depth, SHALLOWEST)
@@ -271,10 +268,7 @@ def conclude(stepping: Any, k: Integer, action: StructArray, observation: Struct
 
 @njit
 def succeeded(task: Struct, progress: Struct) -> bool:
-    """Return True for a finished, upright cut at the target.
-
-    The tip is within 3 mm of the target and the blade within 10 degrees of upright.
-    """
+    """Return True for a finished cut within 3 mm of the target, upright within 10 degrees."""
     near = tip_error(progress.tip, task.target) <= TIP_TOLERANCE
     upright = abs(0.5 * math.pi - progress.angle) <= ANGLE_TOLERANCE
     success: bool = progress.end == _FINISHED and near and upright

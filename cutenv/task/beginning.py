@@ -1,7 +1,4 @@
-"""Reset of episodes, compiled.
-
-Specimen, target length and the lab's prior knowledge, all from one random key.
-"""
+"""Reset of episodes, compiled: specimen, target length, prior knowledge by one key."""
 
 from __future__ import annotations
 

@@ -67,8 +67,8 @@ from cutenv.task.episode import Episode, Goal, ShownDepth, TaskOptions
 from cutenv.task.observation import COMPONENTS, SPEED_SCALE, Component, speed_action, to_action
 from cutenv.task.reward import with_weights
 
+# Kinds of wanted depth: the specimen's own profile (a blade that stays at level 0), or a depth below the surface.
 AT_LEVEL, UNCHANGING, RAMPED, STEPPED, MIXED_WANTED = range(5)
-"""Kinds of wanted depth: the specimen's own profile (a blade that stays at level 0), or a depth below the surface."""
 WANTED_KINDS = {"profile": AT_LEVEL, "constant": UNCHANGING, "ramp": RAMPED, "step": STEPPED, "mixed": MIXED_WANTED}
 """Kinds by name; "mixed" draws one of constant, ramp and step."""
 SHALLOW, DEEP = 0.006, 0.014  # range from which wanted depths are drawn [m]
@@ -81,6 +81,7 @@ MODULUS_RANGE = (0.3, 3.0)  # range of that layer's modulus over the tissue's, d
 DESCENT_SCALE = 0.010  # speed downwards of descent action 1 [m/s]
 LOOK_AHEAD = (0.005, 0.010, 0.020)  # distances ahead of the blade at which the wanted depth is observed [m]
 
+# Components of the observation that follow the 12 of gentle cutting, in order.
 DEPTH_COMPONENTS = (
     Component(name="vertical", meaning="vertical force now, upwards", unit="N", scale=5.0),
     Component(name="vertical_mean", meaning="its mean since the last decision", unit="N", scale=5.0),
@@ -95,16 +96,12 @@ DEPTH_COMPONENTS = (
     Component(name="wanted_far", meaning="20 mm further", unit="m", scale=0.02),
     Component(name="last_descent", meaning="last action: descent", unit="1", scale=1.0),
 )
-"""Components of the observation that follow the 12 of gentle cutting, in order."""
 
 
 @with_weights(DEPTH_COSTS)
 @dataclass(frozen=True, kw_only=True)
 class DepthConstants:
-    """Constants of the depth.
-
-    Weights of its costs, limit of the layer, sensor of the vertical force.
-    """
+    """Weights of the depth's costs, limit of the layer, sensor of the vertical force."""
 
     layer_limit: float = parameter(
         LAYER_LIMIT, unit="m", low=0.0001, high=0.03, provenance="choice",
@@ -121,6 +118,7 @@ class DepthConstants:
         check_parameters(self)
 
 
+# Record of a cut's wanted depth, and of its floor so far, by which its depth is assessed.
 DEPTH: np.dtype[Any] = np.dtype(
     (
         np.record,
@@ -139,13 +137,12 @@ DEPTH: np.dtype[Any] = np.dtype(
         ],
     )
 )
-"""Record of a cut's wanted depth, and of its floor so far, by which its depth is assessed."""
 
 RESPONSE = round(FLOOR_EVERY / TICK)  # milliseconds between two responses of the expected floor
+# Record of the vertical motion that a rig expects, with the levels of the last readings [m].
 EXPECTED: np.dtype[Any] = np.dtype(
     (np.record, [("levels", "f8", (RESPONSE + 1,)), *((name, DESCENT[name]) for name in DESCENT.names or ())])
 )
-"""Record of the vertical motion that a rig expects, with the levels of the last readings [m]."""
 _EVERY = round(ESTIMATED_EVERY / TICK)
 _AHEAD = 3  # cells ahead of the blade that it may reach until the tip is estimated again
 _NORMALS = 4  # random numbers of a decision
@@ -205,10 +202,9 @@ def breached(depth: Struct) -> bool:
 
 @njit_inline
 def achieved(depth: Struct, target: float) -> bool:
-    """Return True if depth errors are within the success's tolerances.
+    """Return True if mean error and depth into the layer are a success's.
 
-    They are the mean error of the depth and the depth into the layer below.  The mean is that of the length that is
-    left to cut at the start.
+    The mean is that of the length that is left to cut at the start.
     """
     mean: float = (depth.deep + depth.uncut) / max(target - depth.begun, SPACING)
     return mean <= DEPTH_TOLERANCE and depth.deepest <= LAYER_TOLERANCE
@@ -668,19 +664,13 @@ def depth_shown(descent: Struct, depth: Struct) -> ShownDepth:
 
 
 class DepthEpisode(Episode):
-    """An episode along a wanted depth.
-
-    Its floor is the true one, or that which a rig expects.
-    """
+    """An episode along a wanted depth, with the true floor or the expected one."""
 
     options: DepthOptions
     _level_before = 0.0
 
     def step(self, action: Array) -> tuple[Array32, float]:
-        """Command an action for one decision; return observation, (22,), and reward.
-
-        An action is 3 numbers in [-1, 1].
-        """
+        """Command 3 numbers in [-1, 1] for one decision; return observation, (22,), and reward."""
         self._level_before = float(self.motion["level"][0])
         return super().step(action)
 

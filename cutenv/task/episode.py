@@ -1,7 +1,4 @@
-"""One episode of a task on any plant.
-
-Actions in; observation, reward terms and end out.
-"""
+"""One episode of a task on any plant: actions in; observation, reward, end out."""
 
 from __future__ import annotations
 
@@ -61,10 +58,7 @@ class Goal:
 
 
 class TaskOptions:
-    """Options that a task adds to those of gentle cutting.
-
-    They are removed from the keywords of an environment; here there are none.
-    """
+    """Options that a task takes from an environment's keywords; here none."""
 
     task: ClassVar[Task] = GENTLE_CUT
     names: ClassVar[tuple[str, ...]] = ()  # names of the keywords
@@ -255,10 +249,7 @@ class Episode:
 
     @property
     def across(self) -> Array:
-        """Force across a simulated cut since the decision [N], (ticks,).
-
-        It is the true one, or as measured where a rig sees the cut.
-        """
+        """Force across a simulated cut, true or as seen, since the decision [N], (ticks,)."""
         return self._recorded[1]
 
     @property
@@ -400,10 +391,7 @@ class Episode:
 
     @property
     def shown_totals(self) -> dict[str, float]:
-        """Reward since the start by a picture's lines.
-
-        All costs of the whole cut are in one line.
-        """
+        """Reward since the start by a picture's lines, whole-cut costs in one."""
         own, line = self.whole_totals, self.task.shown_as
         gentle = {name: total for name, total in self.reward_totals.items() if name not in own}
         return gentle | ({line: sum(own.values())} if line else {})
@@ -454,10 +442,7 @@ def _fill(records: StructArray, record: StructArray | None) -> None:
 
 
 class ShownDepth(NamedTuple):
-    """Depth of a cut for a picture [m].
-
-    It is above the plane to which a blade at level 0 cuts; arrays of shape (301,).
-    """
+    """Depth of a cut for a picture [m], (301,), above a level-0 blade's plane."""
 
     level: float  # level of the blade's lower end
     surface: Array
@@ -467,10 +452,7 @@ class ShownDepth(NamedTuple):
 
 
 class ShownPath(NamedTuple):
-    """Path of a cut for a picture.
-
-    Places along and across the slab, to the left [m].
-    """
+    """Path of a cut for a picture, along and left of the slab's axis [m]."""
 
     line: Array  # the line, every 0.5 mm, shape (301, 2)
     target: int  # point of the line where the cut is to end

@@ -1,7 +1,4 @@
-"""Fields of `info`.
-
-Hidden state, energies, reward terms, cost. For people and tests, never for policies.
-"""
+"""Fields of `info`, for people and tests, never for policies."""
 
 from __future__ import annotations
 

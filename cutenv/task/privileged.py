@@ -1,7 +1,4 @@
-"""Privileged state for an asymmetric critic.
-
-The hidden state scaled to order 1; for training, never for a policy.
-"""
+"""Hidden state scaled to order 1, for an asymmetric critic, never a policy."""
 
 from __future__ import annotations
 
@@ -40,10 +37,7 @@ def privileged_names(task: Task) -> tuple[str, ...]:
 def append_privileged(
     cuts: Cuts, task: Task, features: NDArray[np.float32], which: NDArray[np.int64]
 ) -> NDArray[np.float32]:
-    """Append privileged state of cuts ``which`` to features, (m, size + k).
-
-    The columns are those of :func:`privileged_names`, clipped as observations are.
-    """
+    """Append :func:`privileged_names` of cuts ``which``, clipped, to features, (m, size + k)."""
     seen = np.empty((len(features), features.shape[1] + len(PRIVILEGED_FEATURES)), np.float32)
     _append_privileged(cuts.states, cuts.profiles, cuts.laws, cuts.tasks, features, which, seen)
     if task.hide is None:

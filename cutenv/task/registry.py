@@ -37,10 +37,7 @@ class ImportedField:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class RegisteredTask:
-    """One task, and all that the package knows of it.
-
-    What is left out, the task has not.
-    """
+    """One task, and all that the package knows of it; the rest it lacks."""
 
     places: dict[str, Any] = field(default_factory=dict, init=False)  # imported fields as they were given, by name
     name: str
@@ -52,15 +49,15 @@ class RegisteredTask:
     rig: ImportedField = ImportedField()  # that environment
     along: str = ""  # words for what the cuts follow, such as "along a drawn line"
     line: bool = False  # True if they follow one of the drawn lines, and take the keyword ``line``
+    # Scores that tell how well they follow it: name, words, unit, and number of decimals.
     errors: tuple[tuple[str, str, str, int], ...] = ()
-    """Scores that tell how well they follow it: name, words, unit, and number of decimals."""
 
     features: ImportedField = ImportedField()  # class of what a learner is shown, such as Features
     scripts: ImportedField = ImportedField()
     """Scripts that learners imitate, correct and are compared with: makers by name."""
     script: str = ""  # name of the one that is imitated or corrected by default
+    # Policies without a network that cut on a rig, as far as they are more than the scripts: makers by name.
     policies: ImportedField = ImportedField()
-    """Policies without a network that cut on a rig, as far as they are more than the scripts: makers by name."""
     planner: ImportedField = ImportedField()  # class of the planner with truth
     options: Mapping[str, Any] = field(default_factory=dict)  # options of PPO that differ from its defaults
     infos: ImportedField = ImportedField()  # infos of data sets besides those of gentle cutting, AddedInfos
@@ -182,19 +179,13 @@ TASKS = {each.name: each for each in _SHIPPED}  # tasks by name; register adds o
 
 
 def task_of(arguments: Mapping[str, Any]) -> tuple[RegisteredTask, dict[str, Any]]:
-    """Return the task that ``arguments["task"]`` names, and the other arguments.
-
-    It is "gentle" by default; ValueError if there is no such task.
-    """
+    """Return the task that ``arguments["task"]`` names, "gentle" without, and other arguments."""
     own = dict(arguments)
     return TASKS[one_of("task", own.pop("task", "gentle"), tuple(TASKS))], own
 
 
 def task_made_as(environment: str) -> RegisteredTask:
-    """Return the task of an environment id, by default gentle cutting.
-
-    The default is for all others, such as those of its tracks.
-    """
+    """Return the task of an environment id, gentle cutting for its tracks and others."""
     return next((task for task in TASKS.values() if task.id == environment), TASKS["gentle"])
 
 

@@ -210,10 +210,7 @@ def step_row(task: Task) -> Callable[..., None]:
     fetch, total = task.fetch, terms(task) if task.costs else None
 
     def step_row(stepping: Stepping, span: tuple[int, int], decision: Decision, ahead: Ahead) -> None:
-        """Step at most a row of cuts in ``span``, see :func:`step_some`.
-
-        Records of the cuts that are ``ahead`` are prefetched meanwhile.
-        """
+        """Step at most a row of cuts in ``span``, prefetching those ``ahead``."""
         cuts, row, count, infos, ticks = stepping.cuts, stepping.row, stepping.count, decision.infos, decision.ticks
         taken: Integer = _NONE
         for n in range(span[0], span[1]):
@@ -327,10 +324,7 @@ def count_seen(task: Task) -> Callable[..., None]:
     sideways, felt_along = task.motion.force is not None, task.felt_along
 
     def count_seen(stepping: Stepping, k: Integer, position: float, speed: float) -> None:
-        """Count lane ``k``'s reading, estimating tip and runs from ``felt``.
-
-        ``position`` [m] and ``speed`` [m/s] are those of the motor.
-        """
+        """Count lane ``k``'s reading of the motor [m], [m/s], estimating tip and runs."""
         cuts, counts, c, felt = stepping.cuts, stepping.count, stepping.row.cut[k], stepping.row.felt[k]
         known, nominal = cuts.known[c], cuts.nominals[c]
         tick = round(counts.time[k] / TICK) + 1

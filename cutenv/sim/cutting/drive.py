@@ -26,10 +26,7 @@ from cutenv.sim.cutting.friction import Grip
 
 @dataclass(frozen=True, kw_only=True)
 class Rig:
-    """Motor and lead screw far stiffer than tissue (thesis 3.3.1).
-
-    Position does not yield to force.
-    """
+    """Motor and lead screw, whose position does not yield to force (thesis 3.3.1)."""
 
     motor_lag: float = parameter(
         0.040, unit="s", low=0.001, high=1.0, provenance="assumed",
@@ -70,10 +67,7 @@ class Rig:
 
 @dataclass(frozen=True, kw_only=True)
 class Hand:
-    """Person's hand that leads the blade by spring and damper.
-
-    So a sudden drop of force makes the blade lurch.
-    """
+    """Person's hand that leads the blade by spring and damper, and lurches."""
 
     motor_lag: float = parameter(
         0.080, unit="s", low=0.001, high=1.0, provenance="assumed",
@@ -209,11 +203,9 @@ def lag_gain(drive: Struct, dt: float) -> float:
 def dead_time_step(
     command: float, dead_ticks: int, next_target: float, waiting: int, target: float
 ) -> tuple[float, int, float]:
-    """Advance the dead time by one tick.
+    """Advance a dead time, shorter than a command, by one tick.
 
     Return (pending command, ticks left, active command), speeds in [m/s].
-
-    A command must last longer than the dead time.
     """
     if command != next_target:
         next_target = command

@@ -123,19 +123,13 @@ def elastic_force(profile: Struct, x: float, a: float) -> float:
 
 @njit
 def stored_energy(profile: Struct, x: float, a: float) -> float:
-    """Return the stored energy, K(a) max(x - a, 0)^2 / 2 [J].
-
-    It is a function of state, so that no closed loop can gain work.
-    """
+    """Return the stored energy of a state, K(a) max(x - a, 0)^2 / 2 [J]."""
     return 0.5 * stiffness_at(profile, a)[0] * max(x - a, 0.0) ** 2
 
 
 @njit_inline
 def fallen(by: float, start: float, per: float, speed: float) -> float:
-    """Return how far a LEM has fallen at ``speed`` [Pa].
-
-    Zero up to ``start``, then linear in speed, ``by`` at most.
-    """
+    """Return a LEM's fall [Pa]: 0 up to ``start``, then linear in ``speed``, ``by`` at most."""
     return by * min(max((speed - start) * per, 0.0), 1.0)
 
 
@@ -171,10 +165,7 @@ def may_grow(ledger: float, change: float, toughness: float, debt_length: float)
 
 @njit_inline
 def on_unload(ledger: float, loss: float) -> tuple[float, float]:
-    """Return ledger and loss after full unloading.
-
-    A surplus beyond fracture becomes loss; a debt stays.
-    """
+    """Return ledger and loss after full unloading: a surplus is lost, a debt stays."""
     return min(ledger, 0.0), loss + max(ledger, 0.0)
 
 

@@ -46,8 +46,8 @@ class Motion(Declaration):
     scratch: tuple[tuple[str, str], ...] = ()  # fields that live only in a row
     shared: np.dtype[Any] = NOTHING  # record that all cuts share
 
+    # Give a lane its command of the further axis; takes lanes, number of the lane, command.
     command: Callable[..., None] | None = None
-    """Give a lane its command of the further axis; takes lanes, number of the lane, command."""
     drive: Callable[..., None] | None = None  # advance the drive of the further axis
     aim: Callable[..., None] | None = None  # reduce the motion to that along the crack, before the tissue is loaded
     move: Callable[..., None] | None = None  # move the blade by what the law has not seen, after the tissue is loaded
@@ -59,17 +59,17 @@ class Motion(Declaration):
     rub: Callable[..., None] | None = None
     """Take the bristles' new deflection across the cut [m], and the friction that they exert there [N]; takes lanes,
     number of the lane, deflection, force."""
+    # Let the tissue respond to the motion, and change ``row.force``, that of tissue and friction along the cut.
     respond: Callable[..., None] | None = None
-    """Let the tissue respond to the motion, and change ``row.force``, that of tissue and friction along the cut."""
+    # Return the force on the blade across the cut [N]; takes lanes and number of the lane.
     force: Callable[..., float] | None = None
-    """Return the force on the blade across the cut [N]; takes lanes and number of the lane."""
     pull: Callable[..., float] | None = None
     """Return the part along the cut of the force on a blade that is turned from it, from lanes, number of the lane and
     the force along the blade [N]; None: that force."""
+    # Return the energy that is stored besides that of the law [J]; takes the record of a cut.
     stored: Callable[..., float] | None = None
-    """Return the energy that is stored besides that of the law [J]; takes the record of a cut."""
+    # Lead the further axis of a row of one to a wanted place; return the blade's position [m].
     lead: Callable[..., float] | None = None
-    """Lead the further axis of a row of one to a wanted place; return the blade's position [m]."""
     stops_at_ends: bool = False  # True: a blade that is led beyond the specimen stops there; False: that is an error
 
     @property

@@ -168,10 +168,7 @@ def law_in_row(row: Struct, n: int) -> LawInRow:
 
 
 class Plain(NamedTuple):
-    """Row and cuts' records as flat arrays of float64.
-
-    A view costs more than a copy, so they are made once.
-    """
+    """Row and cuts' records as flat float64 views, made once for speed."""
 
     row: StructArray
     states: StructArray

@@ -1,7 +1,4 @@
-"""The force sensor.
-
-Delay, drift, noise, resolution and tare, shared by the simulator and the rig's emulator.
-"""
+"""The force sensor of simulator and emulated rig: delay, drift, noise, resolution, tare."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Loops over updates of the cutting law, made for each motion.
-
-One cut, a path, and many cuts in parallel.
-"""
+"""Loops over updates of the cutting law: one cut, a path, many in parallel."""
 
 from __future__ import annotations
 
@@ -37,10 +34,7 @@ from cutenv.sim.tissue.specimen import LENGTH
 
 
 class Physics(NamedTuple):
-    """Records of n cuts that the law needs to continue.
-
-    They are structured arrays of shape (n,), hidden truth included.
-    """
+    """Records of n cuts that the law needs to continue, hidden truth included."""
 
     states: StructArray
     profiles: StructArray

@@ -1,7 +1,4 @@
-"""Simulated slab that is cut where the blade is led.
-
-Its model is solved again as the cut opens.
-"""
+"""Simulated slab that is cut where the blade is led, solved again as it opens."""
 
 from __future__ import annotations
 
@@ -28,10 +25,7 @@ _CHUNK = 10  # milliseconds after which the tip is followed: the crack turns no 
 
 
 class Grown(NamedTuple):
-    """Growth of a model.
-
-    Stiffness over that of a straight cut at points of the line, and why it ended, if it did.
-    """
+    """Stiffness over that of a straight cut at points of the line, and any end."""
 
     ways: Array
     ratios: Array
@@ -60,10 +54,7 @@ class GrowingModel:
         )
 
     def begin(self, profile: Struct, steering: Struct, length: float = 0.0) -> None:
-        """Begin a cut, and lead it along ``length`` of the line [m].
-
-        What profile and steering hold of the line's stiffness is replaced.
-        """
+        """Begin a cut, led along ``length`` of the line [m], replacing the line's stiffness."""
         line = self.line
         self.model.begin((float(line.x[0]), float(line.y[0])), float(line.angle[0]))
         for i in range(1, round(length / SPACING) + 1):
@@ -74,10 +65,7 @@ class GrowingModel:
         begin_steering(profile, steering, length)
 
     def lead(self, way: list[tuple[float, float, float]]) -> Grown:
-        """Lead the crack along places [m] and directions of the tip.
-
-        There is nothing to tell until it has passed a node.
-        """
+        """Lead the crack along places [m] and directions; tell once a node is passed."""
         passed = 0
         try:
             for x, y, angle in way:

@@ -104,10 +104,7 @@ def to_trace(plant: Plant, readings: StructArray, **metadata: object) -> Trace:
 
 
 def recorded_trace(readings: StructArray, depth: Array, **metadata: object) -> Trace:
-    """Return readings as a recorded trace, without hidden state.
-
-    ``depth`` is that along the cut line, shape (301,) [m].
-    """
+    """Return readings as a recorded trace with a depth, (301,) [m], without hidden state."""
     position = readings["position"].copy()
     return Trace(
         time=readings["time"].copy(),

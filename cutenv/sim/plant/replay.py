@@ -1,7 +1,4 @@
-"""A recorded cut as a plant.
-
-It returns the recorded readings, whatever is commanded.
-"""
+"""A recorded cut as a plant, which returns its readings to any command."""
 
 from __future__ import annotations
 

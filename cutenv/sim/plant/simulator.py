@@ -1,7 +1,4 @@
-"""The simulated plant.
-
-A specimen under the cutting law, a drive and a force sensor.
-"""
+"""The simulated plant: a specimen under law, drive and force sensor."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Simulated plants whose blade has a third axis.
-
-The blade of one also moves up and down, that of the other is steered along a drawn line.
-"""
+"""Simulated plants whose blade moves up and down, or is steered along a line."""
 
 from __future__ import annotations
 

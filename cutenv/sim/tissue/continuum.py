@@ -1,7 +1,4 @@
-"""Elastic continuum of a model.
-
-Element, formulation, integration and what follows from them; checks of arguments.
-"""
+"""Elastic continuum of a model: element, formulation, integration, checks of arguments."""
 
 from __future__ import annotations
 

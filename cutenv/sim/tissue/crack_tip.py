@@ -81,10 +81,7 @@ class MeanTissue(NamedTuple):
 
 
 class BladeReading(NamedTuple):
-    """Reading of a rig.
-
-    Position [m], speed [m/s], depth of cut there [m] and measured force [N].
-    """
+    """Position [m], speed [m/s], depth of cut there [m] and measured force [N]."""
 
     position: float
     speed: float
@@ -106,10 +103,7 @@ def dragged(bristle: float, moved: float) -> float:
 
 @njit_internal
 def follow_tip(memory: Struct, mean: MeanTissue, reading: BladeReading) -> tuple[float, float]:
-    """Estimate tip [m] and elastic force [N], and update ``memory``.
-
-    ``memory`` has :data:`TIP_FIELDS`, and is changed in place.
-    """
+    """Estimate tip [m] and elastic force [N], and update ``memory``, :data:`TIP_FIELDS`."""
     memory.bristle = dragged(memory.bristle, reading.position - memory.position)
     memory.position = reading.position
     _learn_from_retreat(memory, mean, reading)

@@ -1,7 +1,4 @@
-"""Finite-element model of a clamped specimen with a straight cut.
-
-The cut begins at the clamp (thesis, chapters 3 and 4).
-"""
+"""Finite-element model of a clamped, straight cut specimen (thesis, chapters 3 and 4)."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Grid of points along the cut line of a specimen.
-
-A specimen is described there; the depth of cut, and smooth random fields, are given at its points.
-"""
+"""Grid of points along the cut line: depth of cut and random fields."""
 
 from __future__ import annotations
 

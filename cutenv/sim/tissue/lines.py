@@ -1,7 +1,4 @@
-"""Drawn lines to cut along.
-
-Straight, arc, S, part of an ellipse, random smooth ones, and through given points.
-"""
+"""Drawn lines: straight, arc, S, part of an ellipse, random, through points."""
 
 from __future__ import annotations
 
@@ -35,9 +32,7 @@ Pair: TypeAlias = tuple[Array, Array] | Array
 
 
 class CutLine(NamedTuple):
-    """Drawn line, at points every 0.5 mm of its length.
-
-    Each part has shape (301,).
+    """Drawn line, at points every 0.5 mm of its length, each part (301,).
 
     It starts at the clamp, x = 0; y = 0 is the middle of the slab.
     """
@@ -117,10 +112,7 @@ def half_ellipse(length: float = 0.08, height: float = 0.015, end_angle: float |
 
 
 def random_line(rng: np.random.Generator, largest_curvature: float = 30.0, least_length: float = 0.1) -> CutLine:
-    """Draw a smooth line with ``least_length`` [m] in the slab.
-
-    It has two waves of curvature [1/m].
-    """
+    """Draw a smooth line of two waves with ``least_length`` [m] in the slab."""
     largest_curvature = in_range("largest_curvature", largest_curvature, 0.0, LARGEST_CURVATURE, "1/m", _BEND_CURE)
     s = np.arange(N_POINTS) * SPACING
     while True:

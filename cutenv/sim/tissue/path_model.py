@@ -1,7 +1,4 @@
-"""Finite-element model of a slab, cut along a drawn line.
-
-The mesh follows the line.
-"""
+"""Finite-element model of a slab, whose mesh follows a drawn line."""
 
 from __future__ import annotations
 
@@ -31,10 +28,7 @@ _ROUNDING = 1e-10  # of a solution, over modulus and thickness
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PathMesh(CutMesh):
-    """Mesh of a straight cut, shifted across onto a drawn line.
-
-    The slab's sides stay; the line's left is the side of -x.
-    """
+    """Straight cut's mesh, shifted across onto a drawn line, left to -x."""
 
     drawn: CutLine
 

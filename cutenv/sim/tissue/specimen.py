@@ -363,10 +363,7 @@ class SurfaceSpread:
 
 @njit
 def vary_surface(key: Key, spread: float, thickness: float, modes: Array, depth: Array) -> None:
-    """Vary a slice's ``depth`` of cut at level 0 [m], (301,).
-
-    It remains within the slab's ``thickness`` [m].
-    """
+    """Vary a slice's ``depth`` of cut at level 0, (301,), within its ``thickness`` [m]."""
     deviation = np.empty(N_POINTS)
     smooth_field(key, SURFACE, _FIRST, modes, deviation)
     for i in range(N_POINTS):

@@ -33,10 +33,7 @@ _SAME = 1e-11  # [m]
 
 
 class Part(NamedTuple):
-    """A finite element.
-
-    The places of its nodes, in the order of its shape functions.
-    """
+    """Places of a finite element's nodes, in the order of its shape functions."""
 
     places: tuple[MeshPlace, ...]
 
@@ -111,10 +108,7 @@ class SplitMesh:
         return cell
 
     def thinnest_after(self, corner: MeshPlace, to: Array, crossed_from: MeshPlace | None = None) -> float:
-        """Return twice the smallest element area after moving ``corner`` [m2].
-
-        ``crossed_from``: opposite corner of the cell that would be split.
-        """
+        """Return twice the least element area after moving ``corner`` over ``crossed_from``'s cell [m2]."""
         x, y = float(to[0]), float(to[1])
         least = math.inf
         for cell in self.cells_at(corner):
@@ -264,10 +258,7 @@ class Crack:
         return distance < _ON_THE_WAY * self.element
 
     def can_move(self, corner: MeshPlace, to: Array) -> bool:
-        """Return True if a corner can move to a point [m].
-
-        It moves on its edge, and leaves no element too thin.
-        """
+        """Return True if a corner can move to a point [m] without thin elements."""
         if self.mesh.leaves_edge(corner, to):
             return False
         start = self.corners[-1] if self.corners else corner
@@ -275,10 +266,7 @@ class Crack:
         return self.mesh.thinnest_after(corner, to, crossed) > _THINNEST * self.element**2
 
     def nearest(self, to: Callable[[MeshPlace], Array | None]) -> tuple[MeshPlace, Array] | None:
-        """Return the least-moved corner to become next, with its target.
-
-        ``to`` gives the point to which a corner would move [m], or None if it is not on the way.
-        """
+        """Return the least-moved corner to become next, with its target by ``to`` [m]."""
         found = []
         for step in AROUND:
             corner = self.tip[0] + step[0], self.tip[1] + step[1]
@@ -296,10 +284,7 @@ class Crack:
         return corner, np.array(place)
 
     def next_corner(self, direction: Array) -> tuple[MeshPlace, Array]:
-        """Return the crack's next corner and its target place [m].
-
-        ValueError if a cut or a side is there.
-        """
+        """Return next corner and target [m]; ValueError at a cut or side."""
         tip, end = self.mesh.at(self.tip), float(self.mesh.positions[-1, 0, 0])
 
         def foot(corner: MeshPlace) -> Array | None:
@@ -323,10 +308,7 @@ _NEW = -1
 
 
 class SparseFactors:
-    """Factorisation of a positive definite sparse matrix.
-
-    Copies share it, and unpickled it is made anew.
-    """
+    """Factorisation of a positive definite matrix, shared by copies, made anew when unpickled."""
 
     def __init__(self, matrix: Any) -> None:
         self._matrix = matrix
@@ -442,10 +424,7 @@ def _enlarged(matrix: Array, used: int) -> Array:
 
 
 class DoubledMesh(NamedTuple):
-    """Slab with its cuts, for any finite-element program.
-
-    Places along the slab and to its left.
-    """
+    """Slab with its cuts, along and to the left, for any finite-element program."""
 
     nodes: Array  # [m], shape (n, 2)
     quadrilaterals: Indices
@@ -600,10 +579,7 @@ class SplitStiffness:
         )  # fmt: skip
 
     def outlines(self, motion: Array, local: Array, opening: float, tip: Array) -> list[Array]:
-        """Return all displaced element outlines [m].
-
-        Faces of cuts are drawn ``opening`` [m] apart, less within 2 cm of the ``tip``.
-        """
+        """Return displaced outlines [m], faces ``opening`` apart, less near the ``tip``."""
         found = []
         for cell in np.ndindex(self._mesh.cells):
             for part in self._mesh.parts((cell[0], cell[1])):

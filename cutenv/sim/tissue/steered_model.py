@@ -1,7 +1,4 @@
-"""Finite-element model of a slab whose cut is not prescribed.
-
-Nodes move onto the crack and double behind it.
-"""
+"""Finite-element model of a slab whose nodes follow any cut."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""The thesis's tables, and constants derived from them.
-
-They are parsed strictly, with errata and printed digits.
-"""
+"""The thesis's tables, parsed strictly, with errata, and constants derived from them."""
 
 from __future__ import annotations
 
@@ -207,10 +204,7 @@ FOLDER = "derived"  # folder of the assets with these files
 
 
 def derived_value(name: str) -> float:
-    """Return the value stored in ``assets/derived/<name>.json``.
-
-    FileNotFoundError if no script has derived it, ValueError if the file holds no finite number.
-    """
+    """Return the finite number in ``assets/derived/<name>.json``; FileNotFoundError or ValueError without."""
     file = resources.path(f"{FOLDER}/{name}.json")
     value = json.loads(file.read_text()).get("value")
     if not isinstance(value, (int, float)) or not math.isfinite(value):
