@@ -136,15 +136,13 @@ _AS_BUILT = {"backlash"}  # of the emulated screw by default: the simulator's de
 
 def emulator_arguments(constants: Constants) -> list[str]:
     """Return ``cutenv rig emulate`` options of constants; ValueError if one has none."""
-    plain, arguments = Constants(), []
-    for part in ("drive", "sensor", "law"):
-        own, usual = getattr(constants, part), getattr(plain, part)
+    changed, arguments = changed_constants(constants), []
+    for own in (constants.drive, constants.sensor, constants.law):
         for name in (field.name for field in dataclasses.fields(own)):
-            value, changed = getattr(own, name), getattr(own, name) != getattr(usual, name, None)
-            if name in _OPTIONS and (changed or name not in _AS_BUILT):
+            if name in _OPTIONS and (name in changed or name not in _AS_BUILT):
                 option, unit = _OPTIONS[name]
-                arguments += [option, f"{NAMED_UNITS[unit].from_si(value):.6g}"]
-            elif changed:
+                arguments += [option, f"{NAMED_UNITS[unit].from_si(getattr(own, name)):.6g}"]
+            elif name in changed:
                 raise ValueError(
                     f'{name}: an emulated rig has no such option, only {", ".join(_OPTIONS)}; rig="fake" has.'
                 )

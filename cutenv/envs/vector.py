@@ -350,14 +350,10 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observations, dict[str, Any]]:
-        """Begin every environment's next cut, or those in ``options["reset_mask"]``.
+        """Begin every environment's next cut, or those in ``options["reset_mask"]``, an array of bool.
 
-        Parameters
-        ----------
-        seed : int or sequence of int, optional
-            Environment i gets ``seed + i``, or its own; None: the next episode of its present seed.
-        options : dict, optional
-            Those of :meth:`GentleCutEnv.reset`, and ``reset_mask``, an array of bool.
+        Environment i gets the seed ``seed + i``, or its own of a sequence; None: the next episode of its present seed.
+        The other options are those of :meth:`GentleCutEnv.reset`.
         """
         options = dict(options or {})
         which = self._masked(options.pop("reset_mask", None))

@@ -198,19 +198,9 @@ PATH_COSTS = (
 )
 
 
-def depth_cost(of_map: Mapping[str, float]) -> float:
-    """Return the weighted sum of :data:`DEPTH_COSTS` for :data:`OF_MAP`."""
-    return _map_cost(DEPTH_COSTS, of_map)
-
-
-def path_cost(of_map: Mapping[str, float]) -> float:
-    """Return the weighted sum of :data:`PATH_COSTS` for :data:`OF_PATH`."""
-    return _map_cost(PATH_COSTS, of_map)
-
-
-def _map_cost(costs: tuple[WholeCutTerm, ...], of_map: Mapping[str, float]) -> float:
-    values = {
-        cost.name: cost.value(**{name: of_map[name] for name in inspect.signature(cost.value).parameters})
+def map_cost(costs: tuple[WholeCutTerm, ...], of_map: Mapping[str, float]) -> float:
+    """Return the weighted sum of costs for the quantities of a map."""
+    return math.fsum(
+        cost.weight * cost.value(**{name: of_map[name] for name in inspect.signature(cost.value).parameters})
         for cost in costs
-    }
-    return math.fsum(cost.weight * values[cost.name] for cost in costs)
+    )

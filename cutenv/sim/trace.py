@@ -78,35 +78,25 @@ class Reading(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Trace:
-    """A whole cut as recorded.
-
-    Read-only arrays of equal length, SI and radians.
+    """A whole cut as recorded: read-only arrays of equal length, SI and radians.
 
     Parameters
     ----------
-    time : array_like of shape (n,)
-        Time [s], strictly increasing; n is 2 or more.
-    force : array_like of shape (n,)
-        Force on the blade along the cut line, positive against forward motion [N], -1000 to 1000.
-    position : array_like of shape (n,), optional
-        Position of the blade [m], growing from the clamp, -0.05 to 0.5.
-    speed : array_like of shape (n,), optional
-        Speed of the blade [m/s], -2 to 2 (a sudden run reaches 1); must agree with `position` within a factor of 10.
-    angle : array_like of shape (n,), optional
-        Angle of the blade against the surface [rad], 0 to pi; upright is pi/2.
-    depth : array_like of shape (n,), optional
-        Depth of cut at the blade [m], 0 to 0.1.
-    height : array_like of shape (n,), optional
-        Height of the blade's lower end [m], upwards, as a rig with a height axis counts it; -0.2 to 0.2.
-    vertical_force : array_like of shape (n,), optional
-        Force of the tissue on the blade, upwards [N].
+    time, force : array_like of shape (n,)
+        Time [s], strictly increasing, n is 2 or more; force on the blade along the cut line, positive against forward
+        motion [N], -1000 to 1000.
+    position, speed, angle, depth : array_like of shape (n,), optional
+        Of the blade: from the clamp [m], -0.05 to 0.5; [m/s], -2 to 2 (a sudden run reaches 1), must agree with
+        `position` within a factor of 10; against the surface [rad], 0 to pi, upright is pi/2; of cut [m], 0 to 0.1.
+    height, vertical_force : array_like of shape (n,), optional
+        Of the blade's lower end [m], upwards, as a rig with a height axis counts it, -0.2 to 0.2; of the tissue on the
+        blade, upwards [N].
     force_x, force_y, force_z, torque_x, torque_y, torque_z : array_like of shape (n,), optional
         All six components in the sensor's own axes [N], [N m]; all or none. The score uses `force` alone.
-    blade_x, blade_y : array_like of shape (n,), optional
-        Place of a steered blade along and across the slab, from the middle of the clamp, to the left [m], -0.5 to 0.5;
-        both or none. `position` is then the length along the line, at the blade.
-    lateral_force : array_like of shape (n,), optional
-        Force of the tissue on the blade to its right, across its own direction [N].
+    blade_x, blade_y, lateral_force : array_like of shape (n,), optional
+        Place of a steered blade along and across the slab, from the middle of the clamp, to the left [m], -0.5 to 0.5,
+        both or none; force of the tissue on it to its right, across its own direction [N]. `position` is then the
+        length along the line, at the blade.
     force_unit : {"N", "1"}
         "1": the force is normalised, and nothing that needs newtons can be computed from the trace.
     metadata : mapping
@@ -114,10 +104,9 @@ class Trace:
 
     Raises
     ------
-    TypeError
-        If a field is not an array of numbers, or the metadata cannot be serialised to JSON.
-    ValueError
-        If a value is not finite or looks like another unit, lengths differ, or time does not increase.
+    TypeError, ValueError
+        If a field is not an array of numbers, or the metadata cannot be serialised to JSON; if a value is not finite or
+        looks like another unit, lengths differ, or time does not increase.
 
     Examples
     --------

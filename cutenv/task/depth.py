@@ -487,13 +487,8 @@ def hide(cuts: Cuts, which: StructArray, hidden: Array) -> None:
     """Fill depth's privileged features for the cuts ``which``."""
     for m in range(len(which)):
         n = which[m]
-        state, measured, task, descent, depth = (
-            cuts.states[n],
-            cuts.nominals[n],
-            cuts.tasks[n],
-            cuts.motions[n],
-            cuts.wholes[n],
-        )
+        state, measured, task = cuts.states[n], cuts.nominals[n], cuts.tasks[n]
+        descent, depth = cuts.motions[n], cuts.wholes[n]
         i = min(int(state.tip * POINTS_PER_METRE + 0.5), N_POINTS - 1)
         further = min(int((state.tip + _FURTHER) * POINTS_PER_METRE + 0.5), N_POINTS - 1)
         floor, blade = descent.surface[i] - descent.engaged, descent.surface[i] - descent.level

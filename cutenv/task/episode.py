@@ -24,8 +24,6 @@ from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, commanded_speed
 from cutenv.task.reward import ENDS, STOPPED, TERMS, Limits, RewardWeights, task_record
 from cutenv.task.stepper import assess_readings, observe_one, step_one, tell_one
 
-_GROUPS = {group: tuple(field.name for field in fields) for group, fields in GROUPS.items()}
-
 
 def nominal_profile(tissue: TissueDescription, depth: NDArray[np.float64]) -> StructArray:
     """Return a rig's expected profile, (1,): mean tissue, measured depth [m]."""
@@ -367,7 +365,8 @@ class Episode:
     @property
     def cost_terms(self) -> dict[str, float]:
         """The cost of the last step by part [mm]."""
-        return info_group(self.info(), "cost_terms")
+        names = (field.name for field in GROUPS["cost_terms"])
+        return dict(zip(names, self.info()[PLACES["cost_terms"]], strict=True))
 
     @property
     def reward_terms(self) -> dict[str, float]:
@@ -427,11 +426,6 @@ class Episode:
     def snapshot(self) -> Cuts:
         """Return copies of a simulated cut's whole state, each (1,)."""
         return Cuts(*(part.copy() for part in self._cuts))._replace(shared=self.shared)
-
-
-def info_group(numbers: list[float], group: str) -> dict[str, float]:
-    """Return one group of the fields of :meth:`Episode.info` by name."""
-    return dict(zip(_GROUPS[group], numbers[PLACES[group]], strict=True))
 
 
 def _fill(records: StructArray, record: StructArray | None) -> None:

@@ -477,13 +477,8 @@ def hide(cuts: Cuts, which: StructArray, hidden: Array) -> None:
     """Fill path's privileged features for the cuts ``which``."""
     for m in range(len(which)):
         n = which[m]
-        state, profile, task, steering, path = (
-            cuts.states[n],
-            cuts.profiles[n],
-            cuts.tasks[n],
-            cuts.motions[n],
-            cuts.wholes[n],
-        )
+        state, profile, task = cuts.states[n], cuts.profiles[n], cuts.tasks[n]
+        steering, path = cuts.motions[n], cuts.wholes[n]
         i, share = grid_index(state.tip)
         t_x, t_y = lerp(steering.cosine, i, share), lerp(steering.sine, i, share)
         along = lerp(profile.stiffness, i, share) * steering.per_stretch**2

@@ -134,21 +134,17 @@ class GrowingModel:
 
 
 class FreehandPlant(SteeredPlant):
-    """Simulated slab, cut by a blade that is led anywhere.
-
-    The finite-element model follows the crack.
+    """Simulated slab, cut by a blade that is led anywhere: its model follows the crack.
 
     The blade is driven where it points and turned to the left and right, as with
     :class:`~cutenv.sim.plant.SteeredPlant`.  Whenever the crack passes a node, its 2 x 2 stiffness is computed for the
-    cut as it is, and for :data:`NODES_AHEAD` nodes straight on; the force responds at the crack's next turn.  The line
-    only tells places, and where the specimen's profiles lie.
+    cut as it is, and for :data:`NODES_AHEAD` nodes straight on; the force responds at the crack's next turn.
 
     Parameters
     ----------
-    specimen : Specimen
-        The tissue to cut.
     line : CutLine, optional
-        Line beside which the blade is led, by default the axis of the slab; the cut begins where it does.
+        Line at whose start the cut begins, by default the axis of the slab; it only tells places, and where the
+        specimen's profiles lie.
     model : SteeredModel, optional
         Model of the slab, with earlier cuts if it has any, which is copied; by default a new one with elements of
         5 mm.

@@ -20,11 +20,8 @@ _HIDDEN = ("true_force", "elastic_force", "tip", "jump")
 class ReplayPlant:
     """Recorded cut, replayed by the millisecond from its first reading.
 
-    Parameters
-    ----------
-    trace : Trace
-        With force in newtons, position, angle and depth; speed is computed from the position if it has none.
-        Readings are interpolated to milliseconds; those of 1 kHz are used unchanged.
+    ``trace`` has force in newtons, position, angle and depth, and speed unless that is computed from the position;
+    readings are interpolated to milliseconds, those of 1 kHz used unchanged.
 
     Attributes
     ----------

@@ -28,18 +28,11 @@ from cutenv.sim.tissue.specimen import Specimen
 
 
 class DescendingPlant(SimulatedPlant):
-    """Simulated specimen in layers, cut by a blade with height.
+    """Simulated specimen in layers, cut by a blade that also moves up and down.
 
-    The blade is driven along the cut and up and down.
-
-    Parameters
-    ----------
-    layers : Layers, optional
-        Layers over the depth; default those of its tissue, where they were measured, or one tissue throughout.
-    level : float
-        Level of the blade at the start [m], upwards, -0.025 to 0.025.
-    **keywords
-        Those of :class:`~cutenv.sim.plant.SimulatedPlant`; ``depth`` is that of a blade at level 0.
+    ``layers`` are over the depth; by default those of its tissue, where they were measured, or one tissue throughout.
+    ``level`` is the blade's at the start [m], upwards, -0.025 to 0.025.  The keywords are those of
+    :class:`~cutenv.sim.plant.SimulatedPlant`; ``depth`` is that of a blade at level 0.
     """
 
     motion = DESCENDING
@@ -102,22 +95,12 @@ MAX_TURN_RATE = 4.0  # largest rate of turn of the blade [rad/s]: a bend of 6 mm
 
 
 class SteeredPlant(SimulatedPlant):
-    """A simulated specimen, cut by a steered blade.
+    """A simulated specimen, cut by a blade that is driven where it points and turned.
 
-    The blade is driven where it points and turned to the left and right.  The specimen's profiles of modulus, toughness
-    and depth lie along the line.
-
-    Parameters
-    ----------
-    line : CutLine
-        Line to cut along, see :mod:`cutenv.sim.tissue.lines`; the blade stands at its start and points along it.
-    **keywords
-        Those of :class:`~cutenv.sim.plant.SimulatedPlant`; ``angle`` is the inclination of the blade.
-
-    Raises
-    ------
-    ValueError
-        If the tissue relaxes: no law of relaxing tissue in the plane is known.
+    The specimen's profiles of modulus, toughness and depth lie along ``line`` (:mod:`cutenv.sim.tissue.lines`), at
+    whose start the blade stands and along which it points.  The keywords are those of
+    :class:`~cutenv.sim.plant.SimulatedPlant`; ``angle`` is the inclination of the blade.  ValueError if the tissue
+    relaxes: no law of relaxing tissue in the plane is known.
     """
 
     motion = STEERED

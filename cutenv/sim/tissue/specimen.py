@@ -105,9 +105,7 @@ class Specimen:
     ) -> Specimen:
         """Make a uniform specimen: modulus [Pa], fracture resistance [J/m2], depth [m].
 
-        Friction share of ``tissue``.
-
-        By default it is cut through: a slice as thick as the cut is deep.
+        By default it has the friction share of ``tissue``, and is cut through: a slice as thick as the cut is deep.
         """
         tissue = tissue or measured_liver()
         if friction_share is not None:
@@ -372,9 +370,7 @@ def vary_surface(key: Key, spread: float, thickness: float, modes: Array, depth:
 
 @dataclass(frozen=True, kw_only=True)
 class BladeWear:
-    """Linear rise of R with the length cut.
-
-    R (1 + ``blade_wear`` (``blade_used`` + y)) at y along the cut.
+    """Linear rise of R with the length cut: R (1 + ``blade_wear`` (``blade_used`` + y)).
 
     The thesis used one kind of blade, No. 10 of stainless steel, and tells nothing of its wear or of when it was
     changed.  A blunter edge takes more force to start and to carry on a crack; here both rise alike.
