@@ -123,19 +123,11 @@ def put(folder: Path, text: str) -> None:
     (folder / "table.csv").write_text(text, encoding="utf-8")
 
 
-def test_finds_the_tables_as_an_absolute_path():
+def test_finds_the_tables_and_their_folder_as_an_absolute_path():
     found = resources.path("tables/table_5_6.csv")
     assert found.is_absolute()
     assert found.is_file()
-
-
-def test_finds_a_folder():
     assert resources.path("tables").is_dir()
-
-
-def test_finds_the_data_inside_an_installed_package(installation):
-    put(installation / "assets", "installed")
-    assert resources.path("table.csv").read_text(encoding="utf-8") == "installed"
 
 
 def test_finds_the_data_beside_the_package_in_a_checkout(installation):

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import copy
 import math
-import pickle
 
 import gymnasium
 import numpy as np
@@ -120,33 +118,6 @@ def test_the_spec_goes_through_json_and_makes_the_same_environment():
     assert spec.kwargs == keywords
     commands = actions(100)
     assert identical([env.reset(seed=1), *play(env, commands)], [twin.reset(seed=1), *play(twin, commands)])
-
-
-@pytest.mark.parametrize("made_before", [True, False], ids=["before the first reset", "in mid-cut"])
-@pytest.mark.parametrize("duplicate", [lambda env: pickle.loads(pickle.dumps(env)), copy.deepcopy])
-def test_a_pickled_or_copied_environment_goes_on_exactly(duplicate, made_before):
-    env = make(deadline_s=6.0)
-    if not made_before:
-        env.reset(seed=2)
-        play(env, actions(450, seed=9))
-    twin = duplicate(env)
-    records = []
-    for each in (env, twin):
-        start = [each.reset(seed=2)] if made_before else []
-        records.append(start + play(each, actions(450)))
-    assert identical(*records)
-
-
-@pytest.mark.parametrize("action", [[np.nan, 0.0], [0.0, np.nan], [np.nan, np.nan]])
-@pytest.mark.parametrize("angle_mode", ["free", "fixed"])
-def test_a_nan_action_is_refused_by_name_and_changes_nothing(action, angle_mode):
-    env, untouched = make(angle_mode=angle_mode), make(angle_mode=angle_mode)
-    for each in (env, untouched):
-        each.reset(seed=0)
-        play(each, actions(50))
-    with pytest.raises(ValueError, match=r"action = .*nan.*NaN"):
-        env.step(np.array(action, np.float32))
-    assert identical(play(env, actions(5)), play(untouched, actions(5)))
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from pathlib import Path
 import gymnasium
 import numpy as np
 import pytest
-from whole_cut import ENVIRONMENT, FASTEST, INCLINED, UPRIGHT, cut, legs, make, steady
+from whole_cut import ENVIRONMENT, FASTEST, INCLINED, UPRIGHT, cut, legs, make
 
 from cutenv.agents.policy import ConstantFeed, NoAction
 from cutenv.envs.constants import Knowledge
@@ -214,14 +214,6 @@ def test_a_missing_tissue_file_is_named():
         make(tissue=str(Path("no_such.json")))
 
 
-def test_a_specimen_given_at_reset_is_cut_as_object_or_as_json():
-    specimen = Specimen.homogeneous(modulus=40e3, fracture_resistance=150.0, depth=0.015)
-    env = make()
-    for given in (specimen, specimen.to_json()):
-        env.reset(seed=0, options={"specimen": given})
-        assert env.unwrapped.specimen == specimen
-
-
 @pytest.mark.parametrize("degrees", [45.0, 60.0, 90.0])
 def test_a_fixed_angle_ignores_the_second_number_of_the_action(degrees):
     env, twin = (make(angle_mode="fixed", fixed_angle_deg=degrees) for _ in range(2))
@@ -231,10 +223,6 @@ def test_a_fixed_angle_ignores_the_second_number_of_the_action(degrees):
         np.testing.assert_array_equal(one[0], other[0])
         assert one[1:] == other[1:]
         assert np.degrees(env.unwrapped.cutting.readings["angle"]) == pytest.approx(degrees)
-
-
-def test_a_free_angle_does_not_ignore_it():
-    assert cut(make(), steady(0.01, INCLINED)).readings["angle"][-1] == pytest.approx(INCLINED)
 
 
 @pytest.mark.parametrize(("name", "twice"), [("jump", 0.06), ("progress", 1.2), ("accuracy", 0.4), ("success", 0.4)])

@@ -19,7 +19,7 @@ from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.sim.cutting.dtypes import READING
 from cutenv.sim.tissue.cut_model import CutModel
 from cutenv.sim.tissue.grid import depth_below
-from cutenv.task.reward import ENDS, TERMS
+from cutenv.task.reward import ENDS
 
 LAYOUT = Layout()
 
@@ -175,21 +175,6 @@ def test_from_above_only_an_inclined_blade_stands_out_over_uncut_tissue() -> Non
         assert bool(places("blade above the tissue", **values)[:, 1].max() > 0.061) is ahead
 
 
-def test_the_hand_pulls_by_a_spring_at_the_handle() -> None:
-    spring, hand = places("spring", hand=0.065), places("hand", hand=0.065)
-    assert spring[-1].tolist() == pytest.approx(hand[0].tolist())
-    assert hand[0, 0] - spring[0, 0] == pytest.approx(0.005)
-
-
-def test_places_of_the_lattice_are_carried_with_it(slab: Slab) -> None:
-    displacement, tip = slab.displacement(0.05, 0.004), 0.05
-    opened = slab.opened(slab.rest + displacement, tip)
-    for side, sign in ((0, -1.0), (1, 1.0)):
-        at_rest = slab.rest[side].reshape(-1, 2)
-        drawn = slab.carried(displacement, tip, np.full(len(at_rest), sign), at_rest)
-        assert np.abs(drawn - opened[side].reshape(-1, 2)).max() < 1e-15
-
-
 @pytest.mark.parametrize("text", ["blade ** 2", "[blade]", "blade if tip else 0", "'blade'", "__import__('os').name"])
 def test_a_formula_of_anything_else_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match="formula = "):
@@ -265,13 +250,6 @@ def test_a_moment_tells_what_the_rig_and_the_truth_know(env: GentleCutEnv) -> No
     assert depth_below(moment.depth, moment.blade) == pytest.approx(env.specimen.tissue.mean_depth)
 
 
-def test_the_terms_shown_add_up_to_the_return(env: GentleCutEnv) -> None:
-    rewards = [env.step(np.array([0.6, 0.5], np.float32))[1] for _ in range(100)]
-    totals = Moment.of(env.plant, env.cutting).totals
-    assert list(totals) == list(TERMS)
-    assert sum(totals.values()) == pytest.approx(sum(rewards), abs=1e-12)
-
-
 @pytest.mark.parametrize("end", ENDS)
 @pytest.mark.parametrize("success", [False, True])
 def test_every_end_is_put_in_words(env: GentleCutEnv, end: str, success: bool) -> None:
@@ -312,10 +290,6 @@ def check_told_apart(first: tuple[int, int, int], second: tuple[int, int, int], 
 )
 def test_colours_that_mean_something_are_told_apart_without_red_or_green(pair: tuple[str, str], sight: str) -> None:
     check_told_apart(getattr(palette, pair[0]), getattr(palette, pair[1]), sight)
-
-
-def test_the_tissue_darkens_steadily_with_displacement() -> None:
-    assert np.all(np.diff(np.array(palette.TISSUE).sum(axis=1)) < 0)
 
 
 def test_a_blade_that_descends_is_drawn_as_deep_as_it_is() -> None:

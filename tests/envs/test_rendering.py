@@ -75,16 +75,6 @@ def test_the_same_moment_gives_the_same_picture(env: GentleCutEnv) -> None:
     assert np.array_equal(picture_of(env), picture_of(env))
 
 
-def test_two_seeded_environments_draw_the_same() -> None:
-    pictures = []
-    for _ in range(2):
-        env = GentleCutEnv(render_mode="rgb_array")
-        env.reset(seed=11)
-        advance(env, 60)
-        pictures.append(picture_of(env))
-    assert np.array_equal(*pictures)
-
-
 @pytest.mark.parametrize("part", [VIEWS_FROM_ABOVE, VIEW_FROM_THE_SIDE, CHART], ids=["above", "side", "chart"])
 def test_every_view_changes_as_the_cut_advances(env: GentleCutEnv, part: tuple[slice, slice]) -> None:
     before = picture_of(env)
@@ -114,21 +104,6 @@ def test_the_force_of_every_step_is_drawn_however_rarely_a_picture_is_asked_for(
     picture_of(env)
     drawn = env._viewer._trace.whole()[:, 1]
     assert {force.min() for force in felt} | {force.max() for force in felt} <= set(drawn)
-
-
-def test_pictures_between_do_not_change_the_last_trace() -> None:
-    traces = []
-    for every in (1, 150):
-        env = GentleCutEnv(render_mode="rgb_array", specimen_class="uniform", target_length=0.08)
-        env.reset(seed=3)
-        for step in range(150):
-            advance(env, 1)
-            if (step + 1) % every == 0:
-                env.render()
-        traces.append(env._viewer._trace.whole())
-    often, rarely = traces
-    assert np.allclose(np.interp(rarely[:, 0], *often.T), rarely[:, 1], atol=0.2)
-    assert (often[:, 1].max(), often[:, 1].min()) == (rarely[:, 1].max(), rarely[:, 1].min())
 
 
 def test_the_last_term_of_the_reward_stands_clear_of_the_legend(env: GentleCutEnv) -> None:
@@ -162,17 +137,6 @@ def test_drawing_does_not_change_the_cut() -> None:
                 env.render()
         ends.append(observation)
     assert np.array_equal(*ends)
-
-
-def test_the_chart_of_a_large_force_is_drawn(env: GentleCutEnv, monkeypatch: pytest.MonkeyPatch) -> None:
-    advance(env, 20)
-    before = picture_of(env)
-    assert env.cutting.readings is not None
-    readings = env.cutting.readings.copy()
-    readings["time"] += 1.0
-    readings["force"] = 35.0
-    monkeypatch.setattr(type(env.cutting), "readings", readings)
-    check_differs(before, picture_of(env), CHART)
 
 
 # Display and window

@@ -16,7 +16,6 @@ from skfem.models.elasticity import linear_stress
 from cutenv.sim.tissue import CutModel
 from cutenv.sim.tissue.elasticity import elastic_form, lame_parameters
 from cutenv.sim.tissue.mesh import ELEMENT_KINDS, CutMesh
-from cutenv.sim.tissue.tables import table
 from cutenv.sim.tissue.tip_response import stiffness_matrix
 from scripts.validation.thesis.constitutive import constitutive_matrix
 from scripts.validation.thesis.elements import KELVIN, model
@@ -120,56 +119,6 @@ def test_refining_the_mesh_softens_it_by_kelvins_logarithm(formulation: str) -> 
     check_kelvin(formulation, KELVIN[formulation])
 
 
-POISSON = (0.0, 0.3, 0.45, 0.499)
-PLANE = ("plane_stress", "plane_strain")
-
-
-def as_printed(formulation: str, nu: float) -> NDArray[np.float64]:
-    """Appendix A as it is printed."""
-    if formulation == "plane_stress":
-        return np.array([[1, nu, 0], [nu, 1, 0], [0, 0, 1 - nu]]) / (1 - nu**2)
-    matrix = np.array([[1 - nu, nu, 0], [nu, 1 - nu, 0], [0, 0, 1 - 2 * nu]])
-    return matrix / ((1 + nu) * (1 - 2 * nu))
-
-
-def strain_rotation(angle: float, shear_factor: float) -> NDArray[np.float64]:
-    """Turn (xx, yy, shear) strain; the shear entry is ``shear_factor`` times the tensor component."""
-    c, s = np.cos(angle), np.sin(angle)
-    k = shear_factor
-    return np.array(
-        [[c * c, s * s, 2 * c * s / k], [s * s, c * c, -2 * c * s / k], [-c * s * k, c * s * k, c * c - s * s]]
-    )
-
-
-def check_isotropy(matrix: NDArray[np.float64], shear_factor: float) -> None:
-    """The same strain, seen in turned axes, has the same stress in turned axes (stress has factor 1)."""
-    for angle in (0.3, np.pi / 4, 1.1):
-        turned = strain_rotation(angle, 1.0) @ matrix
-        assert turned == pytest.approx(matrix @ strain_rotation(angle, shear_factor), rel=1e-10, abs=1e-12)
-
-
-@pytest.mark.parametrize("formulation", PLANE)
-@pytest.mark.parametrize("nu", POISSON)
-def test_plane_matrices_are_isotropic_with_engineering_strain(formulation: str, nu: float) -> None:
-    check_isotropy(constitutive_matrix(formulation, nu), shear_factor=2.0)
-
-
-@pytest.mark.parametrize("formulation", PLANE)
-@pytest.mark.parametrize("nu", POISSON)
-def test_erratum_printed_matrices_are_not_isotropic_with_engineering_strain(formulation: str, nu: float) -> None:
-    assert any("Appendix A's shear entries" in erratum for erratum in table("4.1").errata)
-    with pytest.raises(AssertionError):
-        check_isotropy(as_printed(formulation, nu), shear_factor=2.0)
-
-
-@pytest.mark.parametrize("formulation", PLANE)
-@pytest.mark.parametrize("nu", POISSON)
-def test_erratum_printed_matrices_are_right_for_tensor_strain(formulation: str, nu: float) -> None:
-    check_isotropy(as_printed(formulation, nu), shear_factor=1.0)
-    halved_shear = as_printed(formulation, nu) @ np.diag([1.0, 1.0, 0.5])
-    assert constitutive_matrix(formulation, nu) == pytest.approx(halved_shear, rel=1e-12)
-
-
 @pytest.mark.parametrize("formulation", ["plane_stress", "plane_strain", "solid"])
 def test_matrices_give_the_stress_of_the_weak_form(formulation: str) -> None:
     stress_of = linear_stress(*lame_parameters(formulation, 0.37))
@@ -197,11 +146,6 @@ def test_plane_stress_leaves_the_faces_free_and_plane_strain_keeps_them_in_place
 def test_poisson_out_of_range_is_refused_with_its_range(nu: float) -> None:
     with pytest.raises(ValueError, match=r"poisson = .* is outside 0 to 0\.499\. Take 0\.499"):
         lame_parameters("plane_strain", nu)
-
-
-def test_a_misspelt_formulation_names_the_nearest() -> None:
-    with pytest.raises(ValueError, match="Did you mean 'plane_stress'"):
-        constitutive_matrix("planestress", 0.3)
 
 
 def check_brick_stiffness(poisson: float, modulus: NDArray[np.float64]) -> None:

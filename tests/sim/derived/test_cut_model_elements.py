@@ -221,15 +221,6 @@ def test_at_a_node_it_is_the_node_s(arguments: dict[str, Any]) -> None:
     check_at_nodes(model, model.nodes)
 
 
-@pytest.mark.parametrize("arguments", MODELS.values(), ids=MODELS)
-def test_a_linear_field_is_linear_at_every_point(arguments: dict[str, Any]) -> None:
-    model = CutModel(**arguments)
-    low, high = model.nodes.min(axis=0), model.nodes.max(axis=0)
-    points = np.random.default_rng(1).uniform(low, high, size=(50, model.dim))
-    gradient = np.arange(1.0, 1.0 + model.dim**2).reshape(model.dim, model.dim)
-    assert model._mesh.interpolated(model.nodes @ gradient, points) == pytest.approx(points @ gradient, abs=1e-12)
-
-
 def test_the_right_face_of_a_cut_answers_for_the_line() -> None:
     halves = np.repeat([1.0, 3.0], 60)
     model = CutModel(relative_modulus=halves)

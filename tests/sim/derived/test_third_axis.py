@@ -29,7 +29,6 @@ from cutenv.sim.tissue.lines import (
     through,
 )
 from cutenv.sim.tissue.path_model import PathModel, stiffness_on_line
-from scripts.derivations import layers as fit_layers
 from scripts.validation.physics import crack_truth, descent, steering
 from scripts.validation.physics.adversarial_motions import FEED, TICKS, UPRIGHT
 from scripts.validation.physics.promises import drawn
@@ -177,17 +176,6 @@ def test_stiffness_goes_on_without_a_step_through_layers(layers: Layers) -> None
     stiffness = np.array([layered_depth(layers, depth, depth + 0.003) for depth in depths])
     assert np.abs(np.diff(stiffness)).max() < 1e-5
     assert stiffness.min() > depths[0] + 0.003
-
-
-def test_the_reach_is_found_again_in_slabs_that_it_made() -> None:
-    effective = np.add.outer(np.linspace(0.002, 0.004, 3), fit_layers.LAYERS[2:])
-    made = [(layers, fit_layers.ratio_by(layers, effective, 0.0031)) for layers in STIFF_LAYERS]
-    assert fit_layers.fitted_reach(effective, made) == pytest.approx(0.0031, rel=1e-4)
-
-
-def test_no_slab_is_fitted_and_held_out() -> None:
-    assert set(fit_layers.FITTED).isdisjoint(fit_layers.HELD_OUT)
-    assert set(descent.SLAB_LAYERS) <= set(fit_layers.HELD_OUT)
 
 
 def test_every_promise_of_the_model_is_kept() -> None:

@@ -205,18 +205,13 @@ def test_the_page_states_what_was_found(scored: Study) -> None:
     assert said.groups() == (f"{found[second]:.2f}", f"{found[best]:.2f}", f"{found[least]:.2f}")
 
 
-def check_cuts_of_a_trial_are_alike(series: list[np.ndarray]) -> None:
-    found = one_way_reliability(series)
-    assert found.single.low > 0.1
-    assert found.people == 18
-    assert found.total == 207
-
-
 @recorded
 def test_cuts_of_a_trial_are_alike_in_every_metric(scored: Study) -> None:
-    for found in scored.findings:
-        assert isinstance(found.reliability, OneWay)
-        check_cuts_of_a_trial_are_alike(list(found.series.values()))
+    for each in scored.findings:
+        assert isinstance(each.reliability, OneWay)
+        found = one_way_reliability(list(each.series.values()))
+        assert found.single.low > 0.1
+        assert (found.people, found.total) == (18, 207)
 
 
 @recorded
