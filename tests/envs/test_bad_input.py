@@ -165,17 +165,13 @@ OUTSIDE: list[tuple[Callable[[], Any], str, str]] = [
 ]
 
 
-def check_refusal(call: Callable[[], Any], field: str, value: str) -> None:
-    """A ValueError that names field, value with unit, range and cure."""
-    with pytest.raises(ValueError, match=rf"^{field} = {value} is outside \S+ to \S+.*\. \S.*"):
-        call()
-
-
 @pytest.mark.parametrize(
     ("call", "field", "value"), OUTSIDE, ids=[f"{n}: {f} = {v}" for n, (_, f, v) in enumerate(OUTSIDE)]
 )
 def test_a_value_out_of_range_is_refused_by_field_value_range_and_cure(call, field, value):
-    check_refusal(call, field, value)
+    """A ValueError that names field, value with unit, range and cure."""
+    with pytest.raises(ValueError, match=rf"^{field} = {value} is outside \S+ to \S+.*\. \S.*"):
+        call()
 
 
 UNLIKE: list[tuple[Callable[[], Any], type[Exception], str]] = [

@@ -143,8 +143,12 @@ def test_an_element_of_any_kind_can_be_drawn() -> None:
 # The blade
 
 
-def check_edge(outline: NDArray[np.float64], blade: float, angle: float, depth: float) -> None:
+@pytest.mark.parametrize("degrees", [45.0, 60.0, 90.0])
+@pytest.mark.parametrize("depth", [0.004, 0.018])
+def test_the_edge_leans_at_its_angle_through_its_place_at_the_surface(degrees: float, depth: float) -> None:
     """The edge is straight and as inclined as the blade above its belly, and cuts the surface at the blade's place."""
+    angle = math.radians(degrees)
+    outline, blade = places("blade", angle=angle, depth=depth), 0.06
     edge = outline[: len(blade_edge())].copy()
     edge[-1] += edge[-1] - edge[-2]  # prolonged beyond where the blade narrows
     assert edge[:, 1].min() == pytest.approx(0.0, abs=1e-5)  # between two points of the belly
@@ -152,13 +156,6 @@ def check_edge(outline: NDArray[np.float64], blade: float, angle: float, depth: 
     assert math.atan2(top - height, above - along) == pytest.approx(angle, abs=1e-9)
     lowest = int(edge[:, 1].argmin())
     assert np.interp(depth, edge[lowest:, 1], edge[lowest:, 0]) == pytest.approx(blade, abs=1e-5)
-
-
-@pytest.mark.parametrize("degrees", [45.0, 60.0, 90.0])
-@pytest.mark.parametrize("depth", [0.004, 0.018])
-def test_the_edge_leans_at_its_angle_through_its_place_at_the_surface(degrees: float, depth: float) -> None:
-    angle = math.radians(degrees)
-    check_edge(places("blade", angle=angle, depth=depth), 0.06, angle, depth)
 
 
 def test_the_cut_front_stands_at_the_tip_and_leaves_the_wedge() -> None:
@@ -275,21 +272,18 @@ DICHROMATS = {
 }
 
 
-def check_told_apart(first: tuple[int, int, int], second: tuple[int, int, int], sight: str) -> None:
-    """Two colours differ for a dichromat: by 30 in CIE L*a*b*, where 2 is just noticed."""
-    rgb = (np.array([first, second]) / 255) ** 2.2 @ DICHROMATS[sight].T
-    to_xyz = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
-    x, y, z = np.cbrt((np.clip(rgb, 0, 1) @ to_xyz.T) / [0.9505, 1.0, 1.089]).T
-    lab = np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=-1)
-    assert np.linalg.norm(lab[0] - lab[1]) > 30
-
-
 @pytest.mark.parametrize("sight", DICHROMATS)
 @pytest.mark.parametrize(
     "pair", [("GAIN", "LOSS"), ("SUCCESS", "FAILURE"), ("TARGET", "LIMIT"), ("TARGET", "FORCE"), ("LIMIT", "FORCE")]
 )
 def test_colours_that_mean_something_are_told_apart_without_red_or_green(pair: tuple[str, str], sight: str) -> None:
-    check_told_apart(getattr(palette, pair[0]), getattr(palette, pair[1]), sight)
+    """Two colours differ for a dichromat: by 30 in CIE L*a*b*, where 2 is just noticed."""
+    first, second = getattr(palette, pair[0]), getattr(palette, pair[1])
+    rgb = (np.array([first, second]) / 255) ** 2.2 @ DICHROMATS[sight].T
+    to_xyz = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
+    x, y, z = np.cbrt((np.clip(rgb, 0, 1) @ to_xyz.T) / [0.9505, 1.0, 1.089]).T
+    lab = np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=-1)
+    assert np.linalg.norm(lab[0] - lab[1]) > 30
 
 
 def test_a_blade_that_descends_is_drawn_as_deep_as_it_is() -> None:

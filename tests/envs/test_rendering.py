@@ -210,30 +210,24 @@ def test_a_missing_pygame_names_the_command_that_installs_it(monkeypatch: pytest
 # Where things stand
 
 
-def check_target_at(picture: Picture, along: float) -> None:
-    """The target line crosses the uncut slab, the view from the side and the chart at ``along``."""
-    column = round(LAYOUT.along(along))
+@pytest.mark.parametrize("length", [0.06, 0.0733, 0.1])
+def test_the_target_line_stands_where_the_geometry_says(env: GentleCutEnv, length: float) -> None:
+    """The target line crosses the uncut slab, the view from the side and the chart at ``length``."""
+    env.reset(seed=0, options={"target_length": length})
+    picture = picture_of(env)
+    column = round(LAYOUT.along(length))
     for row in (150, LAYOUT.blade_end - 78, LAYOUT.chart_top + 40):
         found = picture[round(row), column - 1 : column + 1].astype(int)
         assert np.abs(found - palette.TARGET).sum(axis=-1).min() < 60, f"row {row}: {found.tolist()}"
 
 
-@pytest.mark.parametrize("length", [0.06, 0.0733, 0.1])
-def test_the_target_line_stands_where_the_geometry_says(env: GentleCutEnv, length: float) -> None:
-    env.reset(seed=0, options={"target_length": length})
-    check_target_at(picture_of(env), length)
-
-
-def check_tolerance_at(picture: Picture, edge: float) -> None:
-    """The band of the tolerance ends at ``edge`` in the chart: tinted to the left, not to the right."""
-    column, row = LAYOUT.along(edge), round(LAYOUT.chart_top + 30)
+def test_the_tolerance_ends_three_millimetres_beyond_the_target(env: GentleCutEnv) -> None:
+    """The band of the tolerance ends there in the chart: tinted to the left, not to the right."""
+    picture = picture_of(env)
+    column, row = LAYOUT.along(0.083), round(LAYOUT.chart_top + 30)
     inside, outside = picture[row, round(column) - 3], picture[row, round(column) + 3]
     assert outside.tolist() == list(palette.PANEL)
     assert inside.tolist() != list(palette.PANEL)
-
-
-def test_the_tolerance_ends_three_millimetres_beyond_the_target(env: GentleCutEnv) -> None:
-    check_tolerance_at(picture_of(env), 0.083)
 
 
 @pytest.mark.parametrize(("end", "colour"), [("finished", palette.SUCCESS), ("overshoot", palette.FAILURE)])

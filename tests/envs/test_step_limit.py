@@ -6,7 +6,6 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
-from gymnasium.wrappers import TimeAwareObservation
 
 import cutenv
 
@@ -45,13 +44,6 @@ def test_a_shorter_limit_that_is_asked_for_truncates():
     env = gymnasium.make(ENVIRONMENT, max_episode_steps=20)
     assert env.spec.max_episode_steps == 20
     assert steps_of_idle_cut(env) == (20, False, True, "")
-
-
-def test_wrappers_that_need_the_number_take_it():
-    env = TimeAwareObservation(gymnasium.make(ENVIRONMENT, control_hz=10), normalize_time=True)
-    env.reset(seed=0)
-    shown = env.step(np.zeros(2, np.float32))[0]
-    assert shown[-1] == pytest.approx(1 / 300)
 
 
 def test_a_batch_tells_it_is_made_again_from_its_spec_and_refuses_to_be_cut_short():

@@ -286,11 +286,3 @@ def test_the_answers_of_a_step_are_left_alone_by_the_next():
         assert_array_equal(value, copy)
     assert_array_equal(answer[4]["truth"]["tip_m"], tip)
     assert_array_equal(answer[4]["energy"]["work"], work)
-
-
-def test_wrappers_of_vector_environments_take_it():
-    env = gymnasium.wrappers.vector.RecordEpisodeStatistics(begun())
-    env.reset(seed=0)
-    for _ in range(40):
-        *_, info = env.step(np.zeros((2, 2), np.float32))
-    assert "episode" not in info

@@ -99,15 +99,12 @@ def test_unit_stiffness_is_the_inverse_point_compliance_of_the_uncut_plate(eleme
         check_against_the_uncut_plate(CutModel(element), poisson=0.31)
 
 
-def check_falls_ever_slower_to_the_middle(places: Array, stiffness: Array) -> None:
+def test_unit_stiffness_falls_as_the_load_leaves_the_clamp() -> None:
+    model = CutModel()
+    places, stiffness = model.tips, np.asarray(model.stiffness(model.tips))
     inner = places < 0.08
     assert (np.diff(stiffness) < 0).all()
     assert (np.diff(stiffness[inner], 2) > 0).all()
-
-
-def test_unit_stiffness_falls_as_the_load_leaves_the_clamp() -> None:
-    model = CutModel()
-    check_falls_ever_slower_to_the_middle(model.tips, np.asarray(model.stiffness(model.tips)))
 
 
 # ------------------------------------------------------------------------------------ reciprocity and energy
@@ -131,18 +128,15 @@ def test_a_force_here_moves_there_what_a_force_there_moves_here(element: str, di
         check_reciprocity(tip_to_tip(mesh, tip_responses(mesh, stiffness, slipping=True)))
 
 
-def check_work_is_stored(response: TipResponse, stiffness: csr_array) -> None:
+@pytest.mark.parametrize(("element", "divisions"), SPECIMENS[:3])
+def test_the_work_of_the_blade_is_stored_in_the_specimen(element: str, divisions: tuple[int, ...]) -> None:
     """Clapeyron: a unit force does the work 1 / kappa on its way, twice the energy stored."""
+    mesh = mesh_of(element, divisions)
+    stiffness = stiffness_of(mesh, uneven_modulus(divisions, seed=3))
+    response = tip_responses(mesh, stiffness, slipping=True)
     for tip, field in enumerate(response.fields):
         u = field.ravel()
         assert u @ stiffness @ u == pytest.approx(1.0 / response.stiffness[tip], rel=1e-9)
-
-
-@pytest.mark.parametrize(("element", "divisions"), SPECIMENS[:3])
-def test_the_work_of_the_blade_is_stored_in_the_specimen(element: str, divisions: tuple[int, ...]) -> None:
-    mesh = mesh_of(element, divisions)
-    stiffness = stiffness_of(mesh, uneven_modulus(divisions, seed=3))
-    check_work_is_stored(tip_responses(mesh, stiffness, slipping=True), stiffness)
 
 
 # ------------------------------------------------------------------------------------- mirror and similarity
@@ -178,17 +172,14 @@ def test_a_mirrored_specimen_answers_as_its_mirror_image(element: str, divisions
         check_mirror(model_of(element, divisions, modulus), model_of(element, divisions, turned))
 
 
-def check_similarity(model: CutModel, larger: CutModel, scale: float) -> None:
-    a = np.linspace(0.0, 0.15, 23)
-    assert larger.stiffness(a * scale) == pytest.approx(model.stiffness(a), rel=1e-9)
-    u = model.displacement(0.072, 2.0, 40e3, 0.02)
-    v = larger.displacement(0.072 * scale, 2.0, 40e3, 0.02 * scale)
-    assert v * scale == pytest.approx(u, abs=1e-9 * np.abs(u).max())
-
-
 @pytest.mark.parametrize("scale", [0.1, 7.0])
 @pytest.mark.parametrize(("element", "divisions"), [("quad4", (8, 15)), ("quad8", (4, 7)), ("hex20", (4, 3, 2))])
 def test_unit_stiffness_is_a_pure_number(element: str, divisions: tuple[int, ...], scale: float) -> None:
     """All lengths times a factor, the thickness too: kappa stays, displacements fall as 1 / thickness."""
     modulus = uneven_modulus(divisions, seed=5)
-    check_similarity(model_of(element, divisions, modulus), model_of(element, divisions, modulus, scale), scale)
+    model, larger = model_of(element, divisions, modulus), model_of(element, divisions, modulus, scale)
+    a = np.linspace(0.0, 0.15, 23)
+    assert larger.stiffness(a * scale) == pytest.approx(model.stiffness(a), rel=1e-9)
+    u = model.displacement(0.072, 2.0, 40e3, 0.02)
+    v = larger.displacement(0.072 * scale, 2.0, 40e3, 0.02 * scale)
+    assert v * scale == pytest.approx(u, abs=1e-9 * np.abs(u).max())

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from recorded_cut import recorded_cut
 
-from cutenv.records.measurement import Segment, loading_segments
+from cutenv.records.measurement import loading_segments
 from cutenv.records.measurement.strokes import strokes, turning_points
 from cutenv.sim.trace import Trace, blade_speed
 
@@ -34,7 +33,9 @@ def saw(*, speed: float, noise: float = 0.02, resolution: float = 0.05, delay: f
     return Trace(time=time, force=force, position=position)
 
 
-def check_the_saw_is_found(trace: Trace) -> None:
+@pytest.mark.parametrize("speed", SPEEDS)
+def test_a_saw_is_found_through_noise_resolution_and_delay(speed: float) -> None:
+    trace = saw(speed=speed)
     segments = loading_segments(trace)
     assert abs(len(segments) - 25) <= 1
     inner = segments[1:-1]
@@ -45,15 +46,12 @@ def check_the_saw_is_found(trace: Trace) -> None:
     assert np.allclose(np.diff([s.position for s in inner]), UNIT, rtol=0.05)
 
 
+@pytest.mark.parametrize("angle_deg", [90.0, 45.0])
 @pytest.mark.parametrize("speed", SPEEDS)
-def test_a_saw_is_found_through_noise_resolution_and_delay(speed: float) -> None:
-    check_the_saw_is_found(saw(speed=speed))
-
-
-def check_ramps_are_those_of_the_law(speed: float, angle_deg: float, pick: Callable[[Segment], bool]) -> None:
+def test_ramps_are_found_at_every_speed_and_angle(speed: float, angle_deg: float) -> None:
     """Nine in ten of the units are found, and their slopes are LEM kappa B at the true tip, five in six to 5 %."""
     cut = recorded_cut(speed=speed, angle_deg=angle_deg)
-    segments = [s for s in loading_segments(cut.trace) if pick(s)]
+    segments = [s for s in loading_segments(cut.trace) if s.is_steady]
     units = np.count_nonzero(np.diff(cut.tip) > 20e-6 + 1.01 * 0.0254 * 1e-3)
     assert 0.9 * units - 2 <= len(segments) <= units + 1
     tips = np.array([cut.tip[s.samples].mean() for s in segments])
@@ -62,12 +60,6 @@ def check_ramps_are_those_of_the_law(speed: float, angle_deg: float, pick: Calla
     assert abs(np.median(ratio) - 1.0) < 0.01
     assert np.quantile(np.abs(ratio - 1.0), 0.85) < 0.05
     assert np.abs(ratio - 1.0).max() < 0.15
-
-
-@pytest.mark.parametrize("angle_deg", [90.0, 45.0])
-@pytest.mark.parametrize("speed", SPEEDS)
-def test_ramps_are_found_at_every_speed_and_angle(speed: float, angle_deg: float) -> None:
-    check_ramps_are_those_of_the_law(speed, angle_deg, lambda s: s.is_steady)
 
 
 def test_the_first_ramp_of_a_stroke_is_marked_and_steeper() -> None:

@@ -116,8 +116,11 @@ def test_a_way_on_in_the_open_crack_changes_nothing() -> None:
     assert estimate_fracture_resistance(longer).corrected == pytest.approx(corrected, rel=1e-3)
 
 
-def check_way_back_tells(cut: RecordedCut, *, shift: float = 0.0) -> None:
-    trace = dataclasses.replace(cut.trace, force=cut.trace.force + shift)
+@pytest.mark.parametrize("kind", ["2 cm", "bulge", "liver"])
+@pytest.mark.parametrize("speed", SPEEDS)
+def test_the_way_back_tells_tip_stiffness_and_friction(kind: str, speed: float) -> None:
+    cut = there_and_back(2.0, kind=kind, speed=speed)
+    trace = cut.trace
     fitted = fit_return_stroke(trace, DepthProfile.recorded(trace, by="the test"))
     assert fitted is not None
     tip = float(cut.tip.max())
@@ -125,12 +128,6 @@ def check_way_back_tells(cut: RecordedCut, *, shift: float = 0.0) -> None:
     assert fitted.tip == pytest.approx(tip, abs=0.4e-3)
     assert fitted.stiffness == pytest.approx(K, rel=0.05)
     assert fitted.friction_per_depth == pytest.approx(cut.specimen.friction_per_depth, rel=0.05)
-
-
-@pytest.mark.parametrize("kind", ["2 cm", "bulge", "liver"])
-@pytest.mark.parametrize("speed", SPEEDS)
-def test_the_way_back_tells_tip_stiffness_and_friction(kind: str, speed: float) -> None:
-    check_way_back_tells(there_and_back(2.0, kind=kind, speed=speed))
 
 
 def test_a_perfect_sensor_gives_tip_and_friction_exactly() -> None:

@@ -104,7 +104,8 @@ def test_a_smooth_trial_has_no_later_rate() -> None:
     assert np.isnan([found["drop"], found["rate"]]).all()
 
 
-def check_force_falls_after_each_segment(cuts: list[Trace]) -> None:
+@recorded
+def test_real_drops_are_falls_of_the_real_force(cuts: list[Trace]) -> None:
     """Every drop is there in the readings: no reading lies above the hilltop until the force has fallen by it."""
     n = 0
     for cut in cuts:
@@ -117,11 +118,6 @@ def check_force_falls_after_each_segment(cuts: list[Trace]) -> None:
                 assert after[0] == after[: fallen + 1].max()
                 n += 1
     assert n > len(cuts)
-
-
-@recorded
-def test_real_drops_are_falls_of_the_real_force(cuts: list[Trace]) -> None:
-    check_force_falls_after_each_segment(cuts)
 
 
 def run(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
