@@ -9,15 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array: TypeAlias = NDArray[np.float64]
-"""Array of float64."""
-Array32: TypeAlias = NDArray[np.float32]
-"""Array of float32, as observations and actions are."""
-Indices: TypeAlias = NDArray[np.int64]
-"""Array of indices."""
-Struct: TypeAlias = Any
-"""One element of a structured array, its fields read as attributes (``state.tip``)."""
+Array32: TypeAlias = NDArray[np.float32]  # array of float32, as observations and actions are
+Indices: TypeAlias = NDArray[np.int64]  # array of indices
+Struct: TypeAlias = Any  # one element of a structured array, its fields read as attributes (``state.tip``)
 StructArray: TypeAlias = NDArray[Any]
-"""Structured array."""
 
 
 def joined_records(parts: Sequence[StructArray]) -> StructArray:

@@ -18,21 +18,8 @@ def render(
 ) -> str:
     """Return a filled template, escaped; missing names are errors.
 
-    Parameters
-    ----------
-    template : Path
-        Template, which may extend ``document.html``: a document that loads nothing else.
-    values : mapping of str to object
-        Values by the names that the template has for them.
-    folders : sequence of Path
-        Folders of further templates; they and the template's own are searched first.
-    filters : mapping of str to callable, optional
-        Filters for the template's expressions.
-
-    Raises
-    ------
-    ImportError
-        If Jinja2 is not installed; the message gives the command that installs it.
+    It may extend ``document.html``: a document that loads nothing else.  Further ``folders`` of templates and the
+    template's own are searched first.  ImportError, with the command that installs it, if Jinja2 is missing.
     """
     try:
         import jinja2  # an extra

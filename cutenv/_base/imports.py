@@ -1,7 +1,4 @@
-"""Imports at first use.
-
-Names of a package are imported so, and libraries for other formats, which extras install.
-"""
+"""Imports at first use, of a package's names and of extras."""
 
 from __future__ import annotations
 
@@ -69,13 +66,7 @@ def import_when_used(package: str, modules: Mapping[str, str], packages: Iterabl
 
 
 def optional_import(name: str, package: str, format_name: str, extra: str = "data") -> Any:
-    """Import a module of an extra.
-
-    Raises
-    ------
-    ModuleNotFoundError
-        If `package` is not installed; the message gives the pip command.
-    """
+    """Import a module of an extra; ModuleNotFoundError has the pip command."""
     try:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:
@@ -88,10 +79,7 @@ def optional_import(name: str, package: str, format_name: str, extra: str = "dat
 
 
 def missing_extra(error: ModuleNotFoundError, preferred: str = "") -> str | None:
-    """Return the pip command for a missing module, or None.
-
-    ``preferred`` is the extra that is named if it is one of several that bring the module.
-    """
+    """Return the pip command for a missing module, by its ``preferred`` extra, or None."""
     package = (error.name or "").partition(".")[0]
     extras = EXTRAS_OF_MODULE.get(package)
     if extras is None:

@@ -1,7 +1,4 @@
-"""Languages of pages, one file each.
-
-Texts by key, phrases by their English, and how numbers and dates are written.
-"""
+"""Languages of pages, one file each: texts, phrases, numbers and dates."""
 
 from __future__ import annotations
 
@@ -14,10 +11,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-ENGLISH = "en"
-"""Language in which phrases are written in the code; what another one lacks stays in it."""
-FOLDER_VARIABLE = "CUTENV_LANGUAGES"
-"""Environment variable: a folder of further language files."""
+ENGLISH = "en"  # language in which phrases are written in the code; what another one lacks stays in it
+FOLDER_VARIABLE = "CUTENV_LANGUAGES"  # environment variable: a folder of further language files
 _SHIPPED = Path(__file__).parent / "languages"
 _CODE = re.compile(r"[a-z]{2,3}(-[A-Za-z]{2,4})?")
 _PLACE = re.compile(r"{\w+}")

@@ -23,15 +23,7 @@ T = TypeVar("T")
 
 @contextmanager
 def progress_bar(description: str, unit: str, *, total: int | None = None) -> Iterator[Callable[[int], object]]:
-    """Show a progress bar on standard error.
-
-    Nothing where tqdm, which only shows it, is not installed.
-
-    Yields
-    ------
-    callable
-        Counts so many more units.
-    """
+    """Show a progress bar on standard error, given tqdm; yield what counts units."""
     try:
         from tqdm import tqdm  # an extra
     except ModuleNotFoundError:
@@ -54,24 +46,11 @@ def watched(items: Iterable[T], description: str, unit: str, *, total: int | Non
 def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary path that replaces ``path`` at the end.
 
-    Until then `path` is unchanged or missing; an exception in the block removes the temporary file. A process
-    that is killed leaves it behind, as ``NAME.DIGITS.part.SUFFIX`` beside `path`; it may be deleted.
-
-    Parameters
-    ----------
-    path : path
-        The finished file; a link stays, and what it points to is replaced.
-
-    Yields
-    ------
-    Path
-        Temporary path in the same folder, with the same suffix and a random name: two processes that write the
-        same file do not mix, and the last one to finish wins.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written or put in place.
+    Until then `path` is unchanged or missing; an exception in the block removes the temporary file. A process that is
+    killed leaves it behind, as ``NAME.DIGITS.part.SUFFIX`` beside `path`; it may be deleted.  A link stays, and what it
+    points to is replaced.  The temporary path has the same folder and suffix and a random name: two processes that
+    write the same file do not mix, and the last one to finish wins.  OSError if the file cannot be written or put in
+    place.
 
     Examples
     --------

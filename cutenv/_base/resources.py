@@ -1,7 +1,4 @@
-"""Paths of the measured data, and the checkout's commit.
-
-The data lie beside the package in a checkout, inside it in a wheel.
-"""
+"""Paths of the measured data beside or inside the package; the checkout's commit."""
 
 from __future__ import annotations
 
@@ -16,25 +13,9 @@ _CHECKOUT = _PACKAGE.parent / "assets"
 def path(name: str) -> Path:
     """Return the absolute path of the data file or folder ``name``.
 
-    Parameters
-    ----------
-    name : str
-        Path below ``assets/``, with forward slashes, for example ``"tables/table_5_6.csv"``.
-
-    Returns
-    -------
-    pathlib.Path
-        It exists. In a wheel it lies below ``cutenv/assets``, in a checkout (also an editable install) below
-        ``assets`` beside the package.
-
-    Raises
-    ------
-    TypeError
-        If ``name`` is not a string.
-    ValueError
-        If ``name`` is empty or leads out of the folder.
-    FileNotFoundError
-        If there is no such file, or no data at all.
+    The name is below ``assets/``, with forward slashes, as ``"tables/table_5_6.csv"``; in a wheel it lies below
+    ``cutenv/assets``, in a checkout (also an editable install) below ``assets`` beside the package.  ValueError for a
+    name that is empty or leads out of the folder, FileNotFoundError if there is no such file, or no data at all.
     """
     if not isinstance(name, str):
         raise TypeError(f"name must be a string such as 'tables/table_5_6.csv', got {name!r}")

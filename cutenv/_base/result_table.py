@@ -5,15 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-ColumnHead = str | tuple[str, str]
-"""Heading of a column or row: a text, or a text and a unit."""
+ColumnHead = str | tuple[str, str]  # heading of a column or row: a text, or a text and a unit
 
 
 class Reason(str):
-    """Reason why there is no value, in a cell's place.
-
-    The cells after it are empty; no column is made wider for it.
-    """
+    """Reason for no value, in its cell and over the empty ones after."""
 
     __slots__ = ()
 
@@ -27,10 +23,7 @@ class ResultRow(NamedTuple):
 
 
 class ResultTable(NamedTuple):
-    """Table of a result.
-
-    The first of the headings is that of the rows' headings.
-    """
+    """Table of a result; the first heading is that of the rows' headings."""
 
     caption: str
     heads: Sequence[ColumnHead]
@@ -42,10 +35,7 @@ class ResultTable(NamedTuple):
 
 
 def aligned(rows: Sequence[Sequence[ColumnHead]], *, right: bool = False) -> list[str]:
-    """Return rows of cells as lines whose columns are two spaces apart.
-
-    The first column is at its left, the others at their left or right.
-    """
+    """Return rows as lines, columns two spaces apart, the first at the left."""
     texts = [[cell if isinstance(cell, str) else f"{cell[0]} [{cell[1]}]" for cell in row] for row in rows]
     widths = [max(map(_width, column)) for column in zip(*texts, strict=True)]
     sides = "<" + (">" if right else "<") * len(widths)

@@ -1,7 +1,4 @@
-"""Units of measurement.
-
-The table says how each is spelled, and its exact size in SI units; every other table reads from it.
-"""
+"""Units of measurement: spellings, and exact sizes in SI units."""
 
 from __future__ import annotations
 
@@ -17,30 +14,14 @@ _Number = TypeVar("_Number", float, NDArray[np.float64])
 
 
 class Unit(NamedTuple):
-    """Unit of ``size / parts`` SI units, as people use it.
+    """Unit of ``size / parts`` SI units, as people use it."""
 
-    Attributes
-    ----------
-    sign : str
-        Spelling beside a number: ``cm/s``.
-    si : str
-        The SI unit (or rad) of the same quantity.
-    size : float
-        Number of SI units in `parts` of this one.
-    parts : int
-        Divisor of `size`: 2.54 cm are 2.54 / 100 = 0.0254 m to the last bit, which 2.54 times the rounded 0.01 are not.
-    spellings : tuple of str
-        Other spellings that people use.
-    word : str
-        Spelling inside a name, if it is not that of the sign: ``percent``.
-    """
-
-    sign: str
-    si: str
-    size: float = 1.0
-    parts: int = 1
-    spellings: tuple[str, ...] = ()
-    word: str = ""
+    sign: str  # spelling beside a number: cm/s
+    si: str  # the SI unit (or rad) of the same quantity
+    size: float = 1.0  # number of SI units in `parts` of this one
+    parts: int = 1  # 2.54 cm are 2.54 / 100 = 0.0254 m to the last bit, which 2.54 times the rounded 0.01 are not
+    spellings: tuple[str, ...] = ()  # other ones that people use
+    word: str = ""  # spelling inside a name, if it is not that of the sign: percent
 
     @property
     def name(self) -> str:

@@ -21,21 +21,8 @@ _MANY = 16  # number of choices beyond which the nearest is named, and not all a
 def in_range(name: str, value: float, low: float, high: float, unit: str, cure: str = "") -> float:
     """Return ``value`` as float if finite and ``low <= value <= high``.
 
-    Parameters
-    ----------
-    name, unit : str
-        Name of the field as the reader knows it, and its unit ("1" for a pure number).
-    value, low, high : float
-        Value and inclusive limits, in ``unit``.
-    cure : str
-        Advice appended to the message.
-
-    Raises
-    ------
-    TypeError
-        If ``value`` is not one real number.
-    ValueError
-        If it is NaN, infinite or outside the range.
+    ``name`` of the field as the reader knows it, ``unit`` ("1" for a pure number) and the advice ``cure`` are for the
+    message.  TypeError if ``value`` is not one real number, ValueError if it is NaN, infinite or outside.
     """
     if isinstance(value, (bool, np.bool_, str, bytes)) or value is None:
         raise TypeError(f"{name} must be one real number in {unit}, got {value!r}. {cure}".rstrip())
@@ -78,10 +65,7 @@ def one_of(name: str, value: T, choices: Iterable[T]) -> T:
 
 
 class UnexpectedKeyword(TypeError):
-    """Keyword that is not taken.
-
-    Python's own error, which a command can tell apart from a fault of the program.
-    """
+    """Python's error for a keyword not taken, which a command can tell apart."""
 
 
 def unexpected_keyword(of: str, keyword: str, known: Iterable[str] = (), cure: str = "") -> UnexpectedKeyword:
@@ -118,11 +102,9 @@ def parameter(
     sensitivity: tuple[float, float] | None = None,
     title: str = "",
 ) -> Any:
-    """Declare a dataclass field for one physical constant.
+    """Declare a dataclass field for one physical constant, ``title`` on report pages.
 
     ``source`` names the table, the derivation or the reason.
-
-    ``title`` is its name on report pages.
     """
     metadata = {
         "unit": unit,
@@ -167,12 +149,6 @@ def parameter_table(*groups: Any) -> list[dict[str, Any]]:
 
 
 def taken_from(keywords: dict[str, Any], kind: type[T]) -> T:
-    """Pop a ``kind``'s constants from ``keywords``, and return them.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For a value out of range.
-    """
+    """Pop a ``kind``'s constants from ``keywords``, and return them, in range."""
     names = [field.name for field in dataclasses.fields(kind) if field.name in keywords]  # type: ignore[arg-type]
     return kind(**{name: keywords.pop(name) for name in names})

@@ -23,13 +23,9 @@ from typing import Any, TypeAlias
 
 
 class Declaration:
-    """Object of a module from which kernels are made.
+    """Object of a module from which kernels are made, the same when copied."""
 
-    Copied or unpickled, it is the same object.
-    """
-
-    place: str
-    """Module and name of the object, "package.module:NAME"."""
+    place: str  # module and name of the object, "package.module:NAME"
 
     def __reduce__(self) -> tuple[Callable[[str], Any], tuple[str]]:
         return _object_at, (self.place,)
@@ -74,19 +70,8 @@ Formula: TypeAlias = Callable[..., Any]
 def expression(formula: Formula, quantities: Collection[str], renamed: dict[str, str] | None = None) -> str:
     """Return the source of a lambda's expression, in parentheses.
 
-    Parameters
-    ----------
-    formula : Formula
-        The lambda.
-    quantities : collection of str
-        Names that its parameters may have.
-    renamed : dict, optional
-        Expressions to put in the place of some parameters.
-
-    Raises
-    ------
-    ValueError
-        If it asks for another quantity, or is not a lambda whose source can be read.
+    ``quantities`` are names that its parameters may have, ``renamed`` expressions to put in the place of some.
+    ValueError if it asks for another quantity, or is not a lambda whose source can be read.
     """
     names, renamed = inspect.signature(formula).parameters, renamed or {}
     for name in names:
@@ -100,14 +85,7 @@ def expression(formula: Formula, quantities: Collection[str], renamed: dict[str,
 def fuse(name: str, parameters: Sequence[str], lines: Sequence[str], modules: Sequence[ModuleType | str]) -> Any:
     """Return a function of the given body, not compiled yet.
 
-    Parameters
-    ----------
-    name : str
-        Its name.
-    parameters, lines : sequence of str
-        Its parameters, and the lines of its body, indented below the first.
-    modules : sequence of module or str
-        Modules, or their names, whose constants and functions the body uses.
+    The ``lines`` of its body are indented below the first; they use constants and functions of the ``modules``.
     """
     space: dict[str, Any] = {}
     for module in modules:

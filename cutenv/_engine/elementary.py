@@ -9,7 +9,7 @@ They have no branches, so that loops over many numbers become vector instruction
 
 Kernels, and the lines that a task draws, call these instead of those in ``math`` and ``numpy``.  ``sqrt``, ``floor``
 and ``copysign`` are exact in any library and are used as they are, as is ``x**2``, which Numba multiplies.  Errors are
-measured against 50-digit numbers in ``tests/sim/derived/test_elementary.py``;
+measured against 50-digit numbers in ``tests/_engine/test_elementary.py``;
 ``scripts/validation/physics/same_bits.py`` compares whole cuts.
 """
 

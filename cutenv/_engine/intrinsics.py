@@ -14,8 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 Arrays = TypeVar("Arrays", bound=tuple[Any, ...])
-CACHE_LINE = 8
-"""64-bit words in a cache line, and so in a row of counters."""
+CACHE_LINE = 8  # 64-bit words in a cache line, and so in a row of counters
 _plain = threading.Lock()  # used only where nothing is compiled
 
 
@@ -30,10 +29,7 @@ def float_of(bits: int) -> float:
 
 
 def prefetch(array: Any, i: Any) -> None:
-    """Prefetch element ``i`` into the first-level cache, without waiting.
-
-    A no-op in plain Python.
-    """
+    """Prefetch element ``i`` into the first-level cache, without waiting; not in Python."""
 
 
 def first_row(rows: Any) -> Any:
@@ -46,19 +42,14 @@ def first_row(rows: Any) -> Any:
 
 
 def keep_alive(array: Any) -> None:
-    """Keep an array until here, despite Numba's early freeing.
-
-    A view without reference counting, such as that of :func:`first_row`, is no use of it.
-    A no-op in plain Python.
-    """
+    """Keep an array until here, despite Numba's early freeing under :func:`first_row`; not in Python."""
 
 
 def without_refcount(arrays: Arrays) -> Arrays:
     """Return a tuple of arrays, numbers among them, without reference counting.
 
-    The caller must keep the arrays alive.
-
-    It avoids contention between threads that count references to the same array.  Plain Python still counts them.
+    The caller must keep the arrays alive.  Threads that count references to the same array contend; plain Python still
+    counts them.
     """
     return arrays
 

@@ -115,13 +115,7 @@ def _places(package: Path) -> list[Path]:
 
 
 def remove_kernels(package: Path = _PACKAGE) -> list[Path]:
-    """Remove this machine's compiled kernels; return where they were.
-
-    Raises
-    ------
-    OSError
-        If one cannot be removed.
-    """
+    """Remove this machine's compiled kernels or raise OSError; return where they were."""
     held = {place: [*place.glob(f"{_PREFIX}*")] for place in _places(package)}
     for place, folders in held.items():
         for folder in folders:

@@ -59,14 +59,20 @@ def array_data(context: Any, builder: Any, signature: Any, arguments: Any, k: in
     return context.make_array(signature.args[k])(context, builder, arguments[k]).data
 
 
-@type_callable(bits_of)
-def _type_of_bits(_: Any) -> Any:
-    return lambda number: numba.types.int64
-
-
-@type_callable(float_of)
-def _type_of_float(_: Any) -> Any:
-    return lambda bits: numba.types.float64
+_NUMBERS = numba.types.Array(numba.types.float64, 1, "C")
+_RESULTS: dict[Callable[..., Any], Callable[..., Any]] = {
+    bits_of: lambda number: numba.types.int64,
+    float_of: lambda bits: numba.types.float64,
+    prefetch: lambda array, i: numba.types.none,
+    keep_alive: lambda array: numba.types.none,
+    without_refcount: lambda arrays: arrays,
+    as_float64_view: lambda records: _NUMBERS if getattr(records, "layout", None) == "C" else None,
+    atomic_add: lambda counters, row, which, size: numba.types.int64,
+    atomic_load: lambda counters, row, which: numba.types.int64,
+}
+"""Type of what each intrinsic returns, by the types of its arguments."""
+for _function, _typer in _RESULTS.items():
+    type_callable(_function)(lambda context, typer=_typer: typer)
 
 
 @lower_builtin(bits_of, numba.types.float64)
@@ -77,11 +83,6 @@ def _bits_of(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
 @lower_builtin(float_of, numba.types.int64)
 def _float_of(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
     return builder.bitcast(arguments[0], ir.DoubleType())
-
-
-@type_callable(prefetch)
-def _type_of_fetched(_: Any) -> Any:
-    return lambda array, i: numba.types.none
 
 
 @lower_builtin(prefetch, numba.types.Array, numba.types.Integer)
@@ -95,19 +96,9 @@ def _fetch_ahead(context: Any, builder: Any, signature: Any, arguments: Any) -> 
     return context.get_dummy_value()
 
 
-@type_callable(keep_alive)
-def _type_of_kept(_: Any) -> Any:
-    return lambda array: numba.types.none
-
-
 @lower_builtin(keep_alive, numba.types.Array)
 def _kept(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
     return context.get_dummy_value()
-
-
-@type_callable(without_refcount)
-def _type_of_borrowed(_: Any) -> Any:
-    return lambda arrays: arrays
 
 
 @lower_builtin(without_refcount, numba.types.BaseTuple)
@@ -125,12 +116,6 @@ def _borrowed(context: Any, builder: Any, signature: Any, arguments: Any) -> Any
 
 
 _WORD = ir.IntType(64)
-_NUMBERS = numba.types.Array(numba.types.float64, 1, "C")
-
-
-@type_callable(as_float64_view)
-def _type_of_numbers(_: Any) -> Any:
-    return lambda records: _NUMBERS if getattr(records, "layout", None) == "C" else None
 
 
 @lower_builtin(as_float64_view, numba.types.Array)
@@ -142,16 +127,6 @@ def _as_numbers(context: Any, builder: Any, signature: Any, arguments: Any) -> A
     data = builder.bitcast(array.data, numbers.data.type)
     _arrays.populate_array(numbers, data, [size], [width], width, array.meminfo, array.parent)
     return _results.impl_ret_borrowed(context, builder, _NUMBERS, numbers._getvalue())
-
-
-@type_callable(atomic_add)
-def _type_of_count_up(_: Any) -> Any:
-    return lambda counters, row, which, size: numba.types.int64
-
-
-@type_callable(atomic_load)
-def _type_of_counted(_: Any) -> Any:
-    return lambda counters, row, which: numba.types.int64
 
 
 def _place(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -181,10 +156,7 @@ _from_dtype: Any = numpy_support.from_dtype
 
 
 class Lanes(types.NestedArray):
-    """Type of a field of a row.
-
-    An array of fixed shape whose elements are addressed directly.
-    """
+    """Type of a row's field: an array of fixed shape, addressed directly."""
 
 
 class RowType(types.Record):

@@ -73,15 +73,7 @@ def covers(function: Callable[..., Any]) -> bool:
 
 
 class Kernel:
-    """Kernel from the library, or compiled by Numba when called.
-
-    Parameters
-    ----------
-    function : callable
-        What it computes.
-    compile : callable
-        Returns the function as Numba compiles it.
-    """
+    """Kernel from the library, or compiled by Numba when called."""
 
     def __init__(self, function: Callable[..., Any], compile: Callable[[], Any]) -> None:
         update_wrapper(self, function)

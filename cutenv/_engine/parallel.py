@@ -1,7 +1,4 @@
-"""Thread pool for compiled loops, and its queue.
-
-Chunks of a batch are claimed with atomic counters, so that no thread idles.
-"""
+"""Thread pool for compiled loops, and its queue by atomic counters."""
 
 from __future__ import annotations
 

@@ -19,8 +19,7 @@ from cutenv._engine.elementary import exp, log
 from cutenv._engine.jit import njit, njit_inline, njit_internal
 
 Integer: TypeAlias = int | np.integer[Any]
-Key: TypeAlias = tuple[Integer, Integer]
-"""Random key of a cut: seed and episode."""
+Key: TypeAlias = tuple[Integer, Integer]  # random key of a cut: seed and episode
 
 # Streams: one for each use; numbers of different streams are independent.
 # NumPy integers, because Numba would compile every function anew for each value of a plain Python number.
@@ -157,18 +156,7 @@ def normal_at_the_rim(
 
 
 def generator(seed: int, episode: int = 0) -> np.random.Generator:
-    """Return a NumPy generator keyed by ``seed`` and ``episode``.
-
-    Parameters
-    ----------
-    seed, episode : int
-        Non-negative, below 2**64.
-
-    Raises
-    ------
-    ValueError
-        If either is negative or too large.
-    """
+    """Return a NumPy generator keyed by ``seed`` and ``episode``, 0 to 2**64 - 1."""
     check_key(seed, episode)
     key: NDArray[np.uint64] = np.array([seed, episode], dtype=np.uint64)
     return np.random.Generator(np.random.Philox(key=key))

@@ -48,9 +48,7 @@ def type_of(dispatcher: Any) -> Any:
 
 
 class KernelCompiler(compiler.CompilerBase):
-    """Numba's compiler without passes that kernels do not need.
-
-    They take a tenth of the time.
+    """Numba's compiler without passes that kernels do not need: a tenth of the time.
 
     Kernels have no closures, no ``with``, no loops over tuples of different types, and nobody reads type annotations.
     """
@@ -135,11 +133,7 @@ def _remembered(own: Any, context: Any, args: Any, kws: Any) -> Any:
     return found
 
 
-_FASTER = (
-    (_flags, "__eq__", _equal),
-    (_flags, "__hash__", _hash),
-    (_function, "get_call_type", _remembered),
-)
+_FASTER = ((_flags, "__eq__", _equal), (_flags, "__hash__", _hash), (_function, "get_call_type", _remembered))
 
 
 class LateInterrupt:

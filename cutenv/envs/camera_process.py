@@ -44,10 +44,7 @@ class FilmedCuts:
         self.ended = ""
 
     def put_depth(self, path: Path) -> str:
-        """Replace a finished record's depth by the camera's; return a note.
-
-        Where the camera's depth is of no use the record keeps its own.
-        """
+        """Replace a record's depth by the camera's, if of use; return a note."""
         frames, trace = self.frames.copy(), load_one(path)
         note = f"{len(frames)} frames"
         try:

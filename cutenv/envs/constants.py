@@ -1,7 +1,4 @@
-"""Constants of an episode by keyword.
-
-Each belongs to the drive, the sensor, the law, the task or the lab.
-"""
+"""Constants of an episode by keyword: of drive, sensor, law, task or lab."""
 
 from __future__ import annotations
 
@@ -61,12 +58,8 @@ def rig_constants(rig: str | Path, *, drive: str = "rig") -> dict[str, float]:
 
     Those are the values that ``cutenv rig identify --write`` has put there, the top speed, and the sensor's delay where
     the file states one.  Of a rig under PD position control, which ``drive="pd"`` simulates, the gains are among them.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        If the file cannot be read, nothing was identified, the simulator does not accept a value, or the blade is not
-        driven by a rig.
+    ValueError or FileNotFoundError if the file cannot be read, nothing was identified, the simulator does not accept a
+    value, or the blade is not driven by a rig.
     """
     from cutenv.rig.config.identified import environment_arguments
     from cutenv.rig.operation.suitability import simulator_keywords
@@ -131,13 +124,8 @@ class Constants:
         """Sort flat ``keywords`` (weights as ``weight_<term>``) into their groups.
 
         ``others`` are the keywords that the caller, ``of``, handles itself; they are suggested for a misspelt name too.
-
-        Raises
-        ------
-        TypeError
-            For an unknown name, in Python's words (the nearest is suggested), and for a value that is no number.
-        ValueError
-            For a value out of range.
+        TypeError names an unknown keyword in Python's words (and the nearest), or a value that is no number, ValueError
+        one out of range.
         """
         kinds = _kinds(drive)
         owner = keyword_owners(drive)

@@ -17,15 +17,10 @@ from cutenv.task.path import PathEpisode, PathOptions
 
 
 class FreeEpisode(PathEpisode):
-    """An episode along a drawn line in a growing finite-element model.
+    """An episode along a drawn line in a growing finite-element model of stiffness."""
 
-    The model tells the stiffness as the crack grows.
-    """
-
-    growing: GrowingModel
-    """Model of the slab, cut as far as it has followed."""
-    lost: str | None = None
-    """Reason why the crack could not be followed further; the stiffness is then held."""
+    growing: GrowingModel  # model of the slab, cut as far as it has followed
+    lost: str | None = None  # reason why the crack could not be followed further; the stiffness is then held
 
     def _begin(self) -> None:
         super()._begin()
@@ -36,10 +31,7 @@ class FreeEpisode(PathEpisode):
         self._noted = self.tip_place
 
     def step(self, action: Array) -> tuple[Array32, float]:
-        """Command an action for one decision; the model follows the crack.
-
-        An action is 3 numbers in [-1, 1].
-        """
+        """Command 3 numbers in [-1, 1] for one decision; the model follows the crack."""
         stepped = super().step(action)
         place, steering = self.tip_place, self.motion[0]
         if self.lost is None and math.dist(place, self._noted) > 0.5 * SPACING:
@@ -51,10 +43,7 @@ class FreeEpisode(PathEpisode):
         return stepped
 
     def displaced(self, opening: float = 0.0) -> list[Array]:
-        """Return displaced element outlines, each of shape (3 or 4, 2) [m].
-
-        ``opening`` is the distance by which the faces of cuts are drawn apart, far from their ends [m].
-        """
+        """Return element outlines, (3 or 4, 2) [m], with faces ``opening`` [m] apart."""
         return self.growing.displaced(np.subtract(self.blade_place, self.tip_place), opening)
 
 

@@ -31,14 +31,58 @@ from cutenv.task.observation import CLIP, within_reach
 from cutenv.task.reward import greatest_action
 from cutenv.task.stepper import step_one
 
-RESET_OPTIONS = ("specimen", "target_length", "episode")
-"""Options of a reset."""
+RESET_OPTIONS = ("specimen", "target_length", "episode")  # options of a reset
 _UPDATES_HZ = 1000
 _GROUPS = tuple((group, tuple(field.name for field in fields)) for group, fields in GROUPS.items())
 
 
+class CutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+    """Environment of cuts by seed and number, in the simulator or on a rig."""
+
+    options: TaskOptions  # those that the task adds
+    fixed_angle: float | None = None  # of the blade [rad]; None: an action turns it
+    _seed: int | None = None
+    _episode = 0
+    _ended = True
+
+    def settle(
+        self, task: Task, control_hz: float, deadline_s: float, target_length: float | None, specimen_class: str
+    ) -> None:
+        """Check and keep what every cut shares; make the spaces."""
+        one_of("specimen_class", specimen_class, CLASSES)
+        check_rate(control_hz)
+        self.deadline = in_range("deadline_s", deadline_s, 1.0, 3600.0, "s", "Give the seconds for a cut.")
+        self.target_length = None if target_length is None else checked_length(target_length)
+        self.specimen_class = specimen_class
+        self.ticks = round(_UPDATES_HZ / control_hz)
+        self.most_steps = most_steps(self.deadline, self.ticks)
+        """Decisions after which a cut has ended, whatever was done."""
+        self.metadata = {**self.metadata, "render_fps": control_hz}
+        self.action_space = spaces.Box(-1.0, 1.0, (len(task.action_names),), np.float32)
+        self.observation_space = spaces.Box(-CLIP, CLIP, (len(task.all_components),), np.float32)
+
+    def asked(self, seed: int | None, options: dict[str, Any] | None) -> tuple[tuple[int, int], float | None, Any]:
+        """Return a reset's seed and episode, target length [m] and specimen, if given."""
+        super().reset(seed=seed)
+        options = options or {}
+        for name in options:
+            one_of("option", name, RESET_OPTIONS)
+        if seed is not None or self._seed is None:
+            self._seed, self._episode = int(self.np_random.integers(2**63)) if seed is None else seed, 0
+        episode = self._episode if options.get("episode") is None else checked_episode(options["episode"])
+        length = self.target_length
+        if options.get("target_length") is not None:
+            length = checked_length(options["target_length"])
+        return (self._seed, episode), length, options.get("specimen")
+
+    @property
+    def start_angle(self) -> float:
+        """Angle of the blade at the start of a cut [rad]."""
+        return ANGLE_RANGE[1] if self.fixed_angle is None else self.fixed_angle
+
+
 @described
-class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+class GentleCutEnv(CutEnv):
     """Cut gently from the clamp to a target length.
 
     The crack tip is scored, not the blade, which leads it.  A scalpel cuts a slab of liver, 8 cm wide, 15 cm long and
@@ -164,33 +208,21 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ) -> None:
         self.from_truth = reward_from == "truth"
         self.options = self.options_class(constants)
-        """Options that the task adds."""
         self.task: Task = self.options.task if self.from_truth else self.options.task.seen
         """The task, as its reward is assessed."""
-        one_of("specimen_class", specimen_class, CLASSES)
         one_of("angle_mode", angle_mode, ("free", "fixed"))
         one_of("reward_from", reward_from, ("truth", "estimate"))
         one_of("drive", drive, DRIVES)
         one_of("render_mode", render_mode, (None, *self.metadata["render_modes"]))
-        check_rate(control_hz)
         in_range("fixed_angle_deg", fixed_angle_deg, 45.0, 90.0, "deg", "Measured are 45 to 90 degrees.")
         if angle_mode == "free" and fixed_angle_deg != 90.0:
             raise ValueError(f'fixed_angle_deg = {fixed_angle_deg:g} needs angle_mode="fixed"; it is "free".')
-        self.deadline = in_range("deadline_s", deadline_s, 1.0, 3600.0, "s", "Give the seconds for a cut.")
-        self.target_length = None if target_length is None else checked_length(target_length)
+        self.settle(self.task, control_hz, deadline_s, target_length, specimen_class)
+        self.tissue = TissueSource(tissue)
         self.start_before_target = start_before_target
         self.check_start(SHORTEST if self.target_length is None else self.target_length)
         self.render_mode = render_mode
         self.flat_info = one_of("flat_info", flat_info, (False, True))
-        self.metadata = {**self.metadata, "render_fps": control_hz}
-        self.action_space = spaces.Box(-1.0, 1.0, (len(self.task.action_names),), np.float32)
-        self.observation_space = spaces.Box(-CLIP, CLIP, (len(self.task.all_components),), np.float32)
-
-        self.specimen_class = specimen_class
-        self.tissue = TissueSource(tissue)
-        self.ticks = round(_UPDATES_HZ / control_hz)
-        self.most_steps = most_steps(self.deadline, self.ticks)
-        """Decisions after which a cut has ended, whatever was done."""
         self.fixed_angle = math.radians(fixed_angle_deg) if angle_mode == "fixed" else None
         measured = {} if rig is None else rig_constants(rig, drive=drive)
         self.constants = Constants.from_keywords(
@@ -203,9 +235,6 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Speed action to which faster ones are reduced."""
         self._check_dead_time()
         self.options.check_length(LONGEST if self.target_length is None else self.target_length)
-        self._seed: int | None = None
-        self._episode = 0
-        self._ended = True
         self._stepped = False  # a planner is shown cuts at their start, and steps none
         self._viewer: Any = None
         self._undrawn: list[StructArray] = []  # readings since the last picture
@@ -228,29 +257,19 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
         See the class for ``options``.
         """
-        super().reset(seed=seed)
-        options = options or {}
-        for name in options:
-            one_of("option", name, RESET_OPTIONS)
         if self._seed is None:
             warn_before_first_compile(begin_one(self.task), sample_all_profiles)
-        if seed is not None or self._seed is None:
-            self._seed = int(self.np_random.integers(2**63)) if seed is None else seed
-            self._episode = 0
-        episode = self._episode if options.get("episode") is None else checked_episode(options["episode"])
-        length = self.target_length
-        if options.get("target_length") is not None:
-            length = checked_length(options["target_length"])
+        key, length, given = self.asked(seed, options)
+        if length is not None:
             self.check_start(length)
-        specimen = self.given_specimen(options.get("specimen"))
+        specimen = self.given_specimen(given)
         if specimen is None:
-            specimen = self.tissue.drawn(self._seed, episode, self.specimen_class)
-            specimen = self.options.surface.of(specimen, self._seed, episode)
+            specimen = self.options.surface.of(self.tissue.drawn(*key, self.specimen_class), *key)
         specimen = self.constants.wear.of(specimen)
-        length = length or self.options.drawn_length(specimen.tissue, self._seed, episode)
-        depth = self.constants.knowledge.measure_depth(specimen.depth, self._seed, episode)
-        self.set_up(specimen, length, seed=self._seed, episode=episode, depth=depth)
-        self._episode = episode + 1
+        length = length or self.options.drawn_length(specimen.tissue, *key)
+        depth = self.constants.knowledge.measure_depth(specimen.depth, *key)
+        self.set_up(specimen, length, seed=key[0], episode=key[1], depth=depth)
+        self._episode = key[1] + 1
         self._ended = False
         observation = self.cutting.rest(self.start_angle)
         if self.render_mode == "human":
@@ -321,11 +340,6 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             key=(seed, episode) if begun else None,
         )
         self.cutting = self.options.episode(self.plant, goal, from_truth=self.from_truth)
-
-    @property
-    def start_angle(self) -> float:
-        """Angle of the blade at the start of a cut [rad]."""
-        return ANGLE_RANGE[1] if self.fixed_angle is None else self.fixed_angle
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Command target speed and angle until the next decision; see the class."""

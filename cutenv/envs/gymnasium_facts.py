@@ -135,10 +135,7 @@ def component_rows(task: Task) -> _Rows:
 
 
 def term_rows(task: Task) -> _Rows:
-    """Return the reward terms that a task adds; all if none.
-
-    A weight that is fixed is shown as 1.
-    """
+    """Return the reward terms that a task adds, all if none; fixed weights as 1."""
     terms = [(term.name, term.weight, term.text) for term in task.costs or REWARD]
     return [
         ("Term", "Weight", "Charged for"),

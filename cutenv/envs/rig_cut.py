@@ -17,15 +17,14 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import gymnasium
 import numpy as np
-from gymnasium import spaces
 from numpy.typing import NDArray
 
 from cutenv._base.validation import in_range, one_of
 from cutenv._engine.jit import warn_before_first_compile
 from cutenv.envs.constants import Constants
 from cutenv.envs.depth_cut import DepthCutEnv
-from cutenv.envs.gentle_cut import GentleCutEnv, check_rate, checked_episode, checked_length
-from cutenv.envs.gymnasium_facts import LimitedSpec, described, most_steps
+from cutenv.envs.gentle_cut import CutEnv, GentleCutEnv
+from cutenv.envs.gymnasium_facts import LimitedSpec, described
 from cutenv.envs.path_cut import PathCutEnv
 from cutenv.envs.rig_source import RigSource
 from cutenv.envs.tissue_source import TissueSource
@@ -44,12 +43,12 @@ from cutenv.sim.tissue.description import TissueDescription, measured_liver
 from cutenv.sim.tissue.grid import POINTS_PER_METRE
 from cutenv.sim.tissue.layers import Layers
 from cutenv.sim.tissue.lines import CutLine
-from cutenv.sim.tissue.specimen import CLASSES, Specimen
+from cutenv.sim.tissue.specimen import Specimen
 from cutenv.task.beginning import LONGEST
 from cutenv.task.declare import WAYS, Task
 from cutenv.task.depth import DepthConstants, DepthEpisode, DepthOptions
 from cutenv.task.episode import Episode, Goal, TaskOptions
-from cutenv.task.observation import CLIP, within_reach
+from cutenv.task.observation import within_reach
 from cutenv.task.path import PathEpisode, PathOptions
 from cutenv.task.reward import STOPPED, greatest_action
 from cutenv.task.stepper import assess_readings
@@ -62,16 +61,9 @@ _SAME_ANGLE = math.radians(0.5)
 
 
 class Work:
-    """Reset or step in progress.
+    """Reset or step in progress, which a handler that closes the rig lets end.
 
-    A signal handler that wants to close the rig in its midst has to wait for its end.
-
-    A handler interrupts its thread anywhere, perhaps under a lock that closing needs.
-
-    Parameters
-    ----------
-    leave : callable
-        Closes the rig.
+    A signal handler interrupts its thread anywhere, perhaps under a lock that closing (``leave``) needs.
     """
 
     def __init__(self, leave: Callable[[], None]) -> None:
@@ -119,12 +111,8 @@ def action_text(action: Any) -> str:
 def blade_angle(settings: RigSettings, mode: str | None, fixed_deg: float | None) -> tuple[str, float | None]:
     """Return angle mode, "free" or "fixed", and fixed angle [rad] or None.
 
-    ``mode`` and ``fixed_deg`` [deg] are what a task asks for; None: as the rig has it.
-
-    Raises
-    ------
-    ValueError
-        If the rig cannot do it, or a value is not valid.
+    ``mode`` and ``fixed_deg`` [deg] are what a task asks for; None: as the rig has it.  ValueError if the rig cannot do
+    it, or a value is not valid.
     """
     mode = settings.angle_mode if mode is None else one_of("angle_mode", mode, ("free", "fixed"))
     if mode == "free" and settings.angle_mode == "fixed":
@@ -145,13 +133,10 @@ def blade_angle(settings: RigSettings, mode: str | None, fixed_deg: float | None
     return mode, fixed if mode == "fixed" else None
 
 
-RIG_RESET_OPTIONS = ("specimen", "target_length", "episode")
-"""Options of a reset; ``specimen`` for emulated and fake rigs only."""
-_UPDATES_HZ = 1000
 _UPRIGHT = math.pi / 2
 
 
-class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+class RigCutEnv(CutEnv):
     """Cut gently on a rig; policies from simulation run unchanged.
 
     Action, observation and reward are those of :class:`cutenv.envs.gentle_cut.GentleCutEnv`. Where that one uses hidden
@@ -258,25 +243,14 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ) -> None:
         self._arguments = {name: value for name, value in locals().items() if name in _ARGUMENTS} | constants
         self.options = self.options_class({n: constants.pop(n) for n in self.option_names if n in constants})
-        """Options that the task adds."""
-        one_of("specimen_class", specimen_class, CLASSES)
-        check_rate(control_hz)
         if render_mode is not None:
             raise ValueError(f"render_mode = {render_mode!r}: a rig is not drawn; record the cut and score it.")
-        self.ticks = round(_UPDATES_HZ / control_hz)
-        self.deadline = in_range("deadline_s", deadline_s, 1.0, 3600.0, "s", "Give the seconds for a cut.")
-        self.most_steps = most_steps(self.deadline, self.ticks)
-        """Decisions after which a cut has ended, whatever was done."""
-        self.target_length = None if target_length is None else checked_length(target_length)
-        self.specimen_class = specimen_class
+        self.settle(self.task, control_hz, deadline_s, target_length, specimen_class)
         self.tissue = TissueSource(tissue)
         one_of("drive", drive, ("rig", "pd"))
         self.constants = Constants.from_keywords(
             constants, drive=drive, others=[*_ARGUMENTS, *self.option_names], of=type(self).__name__
         )
-        self.metadata = {**self.metadata, "render_fps": control_hz}
-        self.action_space = spaces.Box(-1.0, 1.0, (len(self.task.action_names),), np.float32)
-        self.observation_space = spaces.Box(-CLIP, CLIP, (len(self.task.all_components),), np.float32)
         self.render_mode = None
 
         self._source = RigSource(
@@ -285,10 +259,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         )  # fmt: skip
         self.angle_mode, self.fixed_angle = blade_angle(self.settings, angle_mode, fixed_angle_deg)
         self._session: RigSession | None = None
-        self._seed: int | None = None
-        self._episode = 0
         self._work = Work(self.close)
-        self._ended = True
         self._reduced = 0  # commands of this cut that were faster than the rig obeys
         self._stop: dict[str, Any] | None = None
         self._plant: RigPlant
@@ -313,26 +284,13 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Move the blade slowly to the clamp; ask for a specimen.
 
-        Raises
-        ------
-        RigError
-            If a check fails, or the operator does not agree.
+        RigError if a check fails, or the operator does not agree.
         """
         self._check_owner()
         with self._work.going_on():
-            super().reset(seed=seed)
-            options = options or {}
-            for name in options:
-                one_of("option", name, RIG_RESET_OPTIONS)
-            if seed is not None or self._seed is None:
-                self._seed = int(self.np_random.integers(2**63)) if seed is None else seed
-                self._episode = 0
-            episode = self._episode if options.get("episode") is None else checked_episode(options["episode"])
-            length = self.target_length
-            if options.get("target_length") is not None:
-                length = checked_length(options["target_length"])
+            (own, episode), length, given = self.asked(seed, options)
             if length is None:
-                length = self.options.drawn_length(self.tissue.tissue or measured_liver(), self._seed, episode)
+                length = self.options.drawn_length(self.tissue.tissue or measured_liver(), own, episode)
             if length + AHEAD > (high := self.settings.limits.high):
                 raise ValueError(
                     f"target_length = {length:g} m: the blade goes up to {1e3 * AHEAD:g} mm further than the tip and"
@@ -342,11 +300,11 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
                 self._finish("given up")
             if self._session is None:
                 self._warm_up()
-            self.specimen = self._specimen(options.get("specimen"), episode)
+            self.specimen = self._specimen(given, own, episode)
             plant = self._plant = self.session.plant
             if self.specimen is not None:
-                plant.depth = self.constants.knowledge.measure_depth(self.specimen.depth, self._seed, episode)
-            key = SpecimenKey(seed=self._seed, episode=episode, target=length, specimen=self.specimen)
+                plant.depth = self.constants.knowledge.measure_depth(self.specimen.depth, own, episode)
+            key = SpecimenKey(seed=own, episode=episode, target=length, specimen=self.specimen)
             self._lay(key)
             tissue = self.specimen.tissue if self.specimen is not None else self.tissue.tissue or measured_liver()
             self.cutting = self._cutting(plant, tissue, length, key)
@@ -354,7 +312,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
                 plant,
                 **self.cutting.noted,
                 specimen_class=None if self.specimen is None else self.specimen.specimen_class,
-                seed=self._seed,
+                seed=own,
                 episode=episode,
             )
             self._episode = episode + 1
@@ -388,20 +346,14 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         )
         return self.options.episode(plant, goal)
 
-    def _specimen(self, option: Any, episode: int) -> Specimen | None:
+    def _specimen(self, option: Any, seed: int, episode: int) -> Specimen | None:
         if not self._source.draws:
             if option is not None:
                 raise ValueError("option specimen: a real rig cuts what is laid there; leave it out.")
             return None
-        assert self._seed is not None  # there is one since the reset
         laid = Specimen.from_json(option) if isinstance(option, str) else option
-        laid = laid or self.tissue.specimen or self.tissue.drawn(self._seed, episode, self.specimen_class)
+        laid = laid or self.tissue.specimen or self.tissue.drawn(seed, episode, self.specimen_class)
         return self.constants.wear.of(laid)
-
-    @property
-    def start_angle(self) -> float:
-        """Angle of the blade at the start of a cut [rad]."""
-        return _UPRIGHT if self.fixed_angle is None else self.fixed_angle
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Command speed and angle; wait until the next decision."""

@@ -1,7 +1,4 @@
-"""Source of the rig that an environment uses.
-
-Hardware by its file, its own emulator, or a fake in memory.
-"""
+"""Source of an environment's rig: a file, an emulator, a fake in memory."""
 
 from __future__ import annotations
 
@@ -138,22 +135,14 @@ _AS_BUILT = {"backlash"}  # of the emulated screw by default: the simulator's de
 
 
 def emulator_arguments(constants: Constants) -> list[str]:
-    """Return ``cutenv rig emulate`` options with the simulator's constants.
-
-    Raises
-    ------
-    ValueError
-        If the emulator has no option for a constant that differs from its default.
-    """
-    plain, arguments = Constants(), []
-    for part in ("drive", "sensor", "law"):
-        own, usual = getattr(constants, part), getattr(plain, part)
+    """Return ``cutenv rig emulate`` options of constants; ValueError if one has none."""
+    changed, arguments = changed_constants(constants), []
+    for own in (constants.drive, constants.sensor, constants.law):
         for name in (field.name for field in dataclasses.fields(own)):
-            value, changed = getattr(own, name), getattr(own, name) != getattr(usual, name, None)
-            if name in _OPTIONS and (changed or name not in _AS_BUILT):
+            if name in _OPTIONS and (name in changed or name not in _AS_BUILT):
                 option, unit = _OPTIONS[name]
-                arguments += [option, f"{NAMED_UNITS[unit].from_si(value):.6g}"]
-            elif changed:
+                arguments += [option, f"{NAMED_UNITS[unit].from_si(getattr(own, name)):.6g}"]
+            elif name in changed:
                 raise ValueError(
                     f'{name}: an emulated rig has no such option, only {", ".join(_OPTIONS)}; rig="fake" has.'
                 )
@@ -174,36 +163,12 @@ def changed_constants(constants: Constants) -> list[str]:
 class RigSource:
     """Rig named by an environment's argument, with its cut records.
 
-    Parameters
-    ----------
-    rig : str or Path
-        "fake", "emulator", "serial", "grbl", or a TOML file.
-    constants : Constants
-        Constants of an emulated or fake rig's drive and sensor.
-    operator : Operator, optional
-        Person who is asked before anything moves. Default: a person at the terminal; automatic for an emulated or fake
-        rig.
-    records : str or Path, optional
-        Folder for the records of cuts.
-    lower_limits : dict, optional
-        Limits to be lowered, see :meth:`cutenv.rig.config.settings.SafetyLimits.lowered`.
-    dry_run : bool
-        True to use a fake with the rig's settings instead of the rig.
-    needs_axis, by : str
-        Axis across the cut that is needed, "height" or "side", and what needs it, such as "RigDepthCut-v1": an emulated
-        or fake rig then has one, and a file without its section is refused. Empty: none is.
+    Without ``operator`` a person at the terminal is asked before anything moves, and none for an emulated or fake rig.
+    ``needs_axis`` is the axis across the cut that is needed, "height" or "side", and ``by`` what needs it: an emulated
+    or fake rig then has one, and a file without its section is refused.  With ``dry_run`` a fake has the rig's
+    settings. ``draws`` is True if specimens are drawn by program, not laid by hand.
 
-    Attributes
-    ----------
-    settings : RigSettings
-        Settings of the rig.
-    draws : bool
-        True if specimens are drawn by program, not laid by hand.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        If the file is missing or not valid.
+    ValueError or FileNotFoundError if the file is missing or not valid.
     """
 
     def __init__(
@@ -261,17 +226,13 @@ class RigSource:
             )
         self.supply: FakeSpecimens | EmulatedSpecimens | None = None
         """Supply of drawn specimens, once there is a session; its ``layers`` and ``line`` are for the next one laid."""
-        self.fake: FakeRig | None = None
-        """Fake rig in use, if there is one."""
+        self.fake: FakeRig | None = None  # fake rig in use, if there is one
         self._folder = None if records is None else Path(records)
-        self.emulator: RunningEmulator | None = None
-        """Running emulator, if there is one."""
+        self.emulator: RunningEmulator | None = None  # running emulator, if there is one
         self._record: AppendingRecord | None = None
         self._camera: RigCamera | None = None
-        self.records: list[Path] = []
-        """Files of the finished cuts."""
-        self.listener: CutListener | None = None
-        """Listener to the cuts as they go on, if there is one."""
+        self.records: list[Path] = []  # files of the finished cuts
+        self.listener: CutListener | None = None  # listener to the cuts as they go on, if there is one
 
     def session(self) -> RigSession:
         """Make the rig's session, which connects at its first cut."""

@@ -1,7 +1,4 @@
-"""A person's hand beside an agent.
-
-While it intervenes its action replaces the agent's, and the info says so.
-"""
+"""A person's hand beside an agent, whose action it replaces."""
 
 from __future__ import annotations
 
@@ -51,10 +48,7 @@ class SharedControl(gymnasium.Wrapper[Any, Any, Any, Any]):
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """Apply the person's action, if any, else the agent's.
 
-        Raises
-        ------
-        ValueError
-            If the person's action is not in the action space: names it; the environment is not stepped.
+        ValueError names a person's action that is not in the action space; the environment is then not stepped.
         """
         persons = self._person()
         intervenes = persons is not None

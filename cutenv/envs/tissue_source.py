@@ -1,7 +1,4 @@
-"""Source of an environment's specimens.
-
-The measured liver, another tissue, or one given specimen.
-"""
+"""Source of an environment's specimens: measured liver, another tissue, a given one."""
 
 from __future__ import annotations
 
@@ -14,18 +11,11 @@ from cutenv.sim.tissue.specimen import Specimen
 
 
 class TissueSource:
-    """Source from which specimens are drawn.
+    """Source of an environment's specimens: liver as measured, or a file.
 
-    Parameters
-    ----------
-    path : str or Path, optional
-        A tissue description (``TissueDescription.to_json``), from which specimens are drawn, or a specimen
-        (``Specimen.to_json``), which is cut in every episode.  None: the measured pig liver.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        If the file is missing, or is neither of them.
+    The file is a tissue description (``TissueDescription.to_json``), from which specimens are drawn, or a specimen
+    (``Specimen.to_json``), which is cut in every episode.  ValueError or FileNotFoundError if it is missing, or
+    neither.
     """
 
     def __init__(self, path: str | Path | None) -> None:

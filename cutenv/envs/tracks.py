@@ -40,8 +40,7 @@ class SafeCutEnv(GentleCutEnv):
     The only keywords are ``render_mode`` and ``flat_info``.
     """
 
-    cost_budget_mm = COST_BUDGET_MM
-    """Budget for the mean cost of a cut [mm]."""
+    cost_budget_mm = COST_BUDGET_MM  # budget for the mean cost of a cut [mm]
 
     def __init__(self, *, flat_info: bool = False, render_mode: str | None = None, **others: Any) -> None:
         _refuse(SafeCutEnv, others, ("flat_info", "render_mode"))

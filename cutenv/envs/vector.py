@@ -51,17 +51,10 @@ def warn_before_first_batch(task: Task) -> None:
 class CutBatch:
     """Batch of ``count`` cuts, bit-equal to single environments.
 
-    Parameters
-    ----------
-    count : int
-        Number of cuts.
-    single : GentleCutEnv
-        Environment whose settings all cuts share.
+    All share the settings of ``single``.
 
     Attributes
     ----------
-    cuts : Cuts
-        State of all cuts.
     observations : array of float32, shape (count, 12)
         Present observations; overwritten by :meth:`begin` and :meth:`decide`.
     seeds, episodes : array of uint64, shape (count,)
@@ -104,10 +97,7 @@ class CutBatch:
         )
 
     def give_seeds(self, seeds: Sequence[int | None], which: NDArray[np.int64], chance: np.random.Generator) -> None:
-        """Assign ``seeds`` to cuts ``which``; None keeps a cut's own.
-
-        There is one for each cut of the batch.  A cut without a seed draws one from ``chance``.
-        """
+        """Assign a seed each to cuts ``which``; None keeps a cut's own, or draws by ``chance``."""
         if len(seeds) != len(self):
             raise ValueError(f"seed holds {len(seeds)} numbers; give one for each of {len(self)} environments.")
         for n in which:
@@ -122,13 +112,7 @@ class CutBatch:
         self._all_begun = bool(self.begun.all())
 
     def begin(self, which: NDArray[np.int64], options: dict[str, Any] | None = None) -> None:
-        """Begin the next cuts ``which``; ``options`` as in :meth:`GentleCutEnv.reset`.
-
-        Raises
-        ------
-        ValueError, TypeError
-            For an unknown or invalid option.
-        """
+        """Begin the next cuts ``which``; ``options``, and errors, as in :meth:`GentleCutEnv.reset`."""
         options = options or {}
         if options.get("episode") is not None:
             self.episodes[which] = checked_episode(options["episode"])
@@ -167,7 +151,7 @@ class CutBatch:
         Parameters
         ----------
         actions : array, shape (count, 2), or (count, 3) of a task with a third axis
-            Actions, clipped to [-1, 1].
+            Actions, clipped to [-1, 1]; ValueError for another shape, and for NaN.
         waiting : array of bool, shape (count,), optional
             True for cuts that are not advanced.
         infos : Records, shape (count,), optional
@@ -187,8 +171,6 @@ class CutBatch:
         ------
         ResetNeeded
             If some cuts were never begun.
-        ValueError
-            For actions of another shape, and for NaN.
         """
         count = len(self)
         waiting = self._none_waits if waiting is None else waiting
@@ -204,17 +186,7 @@ class CutBatch:
         return rewards, ends
 
     def checked_actions(self, actions: ArrayLike, waiting: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Return a copy of the actions, clipped to [-1, 1].
-
-        Those of cuts that wait may be NaN.
-
-        Raises
-        ------
-        ResetNeeded
-            If some cuts were never begun.
-        ValueError
-            For actions of another shape, and for NaN.
-        """
+        """Return a copy of actions, clipped to [-1, 1]; errors as in :meth:`decide`."""
         if not self._all_begun:
             raise gymnasium.error.ResetNeeded("in some environments no cut is going on: call reset() before step().")
         commands = np.array(actions, np.float64)
@@ -378,14 +350,10 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observations, dict[str, Any]]:
-        """Begin every environment's next cut, or those in ``options["reset_mask"]``.
+        """Begin every environment's next cut, or those in ``options["reset_mask"]``, an array of bool.
 
-        Parameters
-        ----------
-        seed : int or sequence of int, optional
-            Environment i gets ``seed + i``, or its own; None: the next episode of its present seed.
-        options : dict, optional
-            Those of :meth:`GentleCutEnv.reset`, and ``reset_mask``, an array of bool.
+        Environment i gets the seed ``seed + i``, or its own of a sequence; None: the next episode of its present seed.
+        The other options are those of :meth:`GentleCutEnv.reset`.
         """
         options = dict(options or {})
         which = self._masked(options.pop("reset_mask", None))

@@ -22,46 +22,33 @@ from cutenv._engine.jit import njit_internal
 
 T = TypeVar("T", float, Array)
 
-TIP_TOLERANCE = 0.003
-"""Tip error up to which a cut is a success [m]."""
-CLOSE = 0.009
-"""Tip error from which on the tip is not close to the target at all [m]."""
-ANGLE_TOLERANCE = math.radians(10.0)
-"""Deviation from upright up to which a cut is a success [rad]."""
-OVERSHOOT_ALLOWED = 0.005
-"""Overshoot of the tip beyond the target above which the task ends [m]."""
+TIP_TOLERANCE = 0.003  # tip error up to which a cut is a success [m]
+CLOSE = 0.009  # tip error from which on the tip is not close to the target at all [m]
+ANGLE_TOLERANCE = math.radians(10.0)  # deviation from upright up to which a cut is a success [rad]
+OVERSHOOT_ALLOWED = 0.005  # overshoot of the tip beyond the target above which the task ends [m]
+# Force per depth at which a task ends for safety by default, and which a score counts as too much [N/m].
 FORCE_LIMIT_PER_DEPTH = 1000.0
-"""Force per depth at which a task ends for safety by default, and which a score counts as too much [N/m]."""
-FORCE_ALLOWED = 400.0
-"""Force per depth of cut up to which no force cost is charged [N/m]."""
-LAG_ALLOWED = 0.010
-"""Lag of the tip behind the blade up to which no lag cost is charged [m]."""
+FORCE_ALLOWED = 400.0  # force per depth of cut up to which no force cost is charged [N/m]
+LAG_ALLOWED = 0.010  # lag of the tip behind the blade up to which no lag cost is charged [m]
+# Largest excess lag that is charged [m]: in a soft and tough specimen no blade can keep the tip nearer.
 LAG_CHARGED = 0.010
-"""Largest excess lag that is charged [m]: in a soft and tough specimen no blade can keep the tip nearer."""
-DECELERATION = 0.1
-"""Deceleration of a stopping blade, in the cost of haste [m/s2]."""
-TIME_SCALE = 30.0
-"""Time that costs its weight once [s]."""
+DECELERATION = 0.1  # deceleration of a stopping blade, in the cost of haste [m/s2]
+TIME_SCALE = 30.0  # time that costs its weight once [s]
+# Smallest depth by which a force is divided in reward, score and policies: the smallest that was measured [m].
 SHALLOWEST = 0.001
-"""Smallest depth by which a force is divided in reward, score and policies: the smallest that was measured [m]."""
+# Smallest depth of a measured profile; below it, no force per depth is computed [m].
 MEASURABLE_DEPTH = 0.5 * SHALLOWEST
-"""Smallest depth of a measured profile; below it, no force per depth is computed [m]."""
+# Advance of the estimated tip beyond the blade's own below which it is noise, not an unstable run [m].
 SMALLEST_RUN = 0.3e-3
-"""Advance of the estimated tip beyond the blade's own below which it is noise, not an unstable run [m]."""
-RUN_ALLOWED = 0.004
-"""Length of a run up to which it is no cost [m]."""
-DEPTH_TOLERANCE = 0.0015
-"""Mean error of the depth of cut up to which a cut along a wanted depth is a success [m]."""
-LAYER_TOLERANCE = 0.0005
-"""Depth to which a success may open the layer below [m]."""
+RUN_ALLOWED = 0.004  # length of a run up to which it is no cost [m]
+DEPTH_TOLERANCE = 0.0015  # mean error of the depth of cut up to which a cut along a wanted depth is a success [m]
+LAYER_TOLERANCE = 0.0005  # depth to which a success may open the layer below [m]
+# Depth into the layer below at which a task ends for safety by default, and which a score counts as too deep [m].
 LAYER_LIMIT = 0.003
-"""Depth into the layer below at which a task ends for safety by default, and which a score counts as too deep [m]."""
-LINE_TOLERANCE = 0.001
-"""Mean distance between cut and line up to which a cut along a line is a success [m]."""
-FARTHEST_TOLERANCE = 0.003
-"""Largest distance between cut and line up to which a cut along a line is a success [m]."""
+LINE_TOLERANCE = 0.001  # mean distance between cut and line up to which a cut along a line is a success [m]
+FARTHEST_TOLERANCE = 0.003  # largest distance between cut and line up to which a cut along a line is a success [m]
+# Distance between cut and line at which a task ends for safety by default, and which a score counts as too far [m].
 LINE_LIMIT = 0.008
-"""Distance between cut and line at which a task ends for safety by default, and which a score counts as too far [m]."""
 
 
 @njit_internal
@@ -124,8 +111,7 @@ def into_layer(depth: T, boundary: float) -> T:
     return opened
 
 
-PER_MILLIMETRE = 0.001
-"""Error of the depth, and distance to the line, that costs its weight once [m]."""
+PER_MILLIMETRE = 0.001  # error of the depth, and distance to the line, that costs its weight once [m]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,14 +129,14 @@ class WholeCutTerm:
     text: str
     weight: float
     per: str
-    value: Formula
-    """The quantity, of what the task sums up, as :data:`OF_MAP`."""
+    value: Formula  # the quantity, of what the task sums up, as OF_MAP
 
 
 OF_MAP = ("deep", "uncut", "layer", "deepest", "target")
 """Quantities of the map: areas cut too deep, left uncut and opened in the layer below [m2]; largest depth into that
 layer [m]; target length [m]."""
 
+# Costs of the depth, in order; none is charged for a cut as deep as wanted.
 DEPTH_COSTS = (
     WholeCutTerm(
         name="too_deep",
@@ -185,13 +171,13 @@ DEPTH_COSTS = (
         value=lambda deepest: deepest / PER_MILLIMETRE,
     ),
 )
-"""Costs of the depth, in order; none is charged for a cut as deep as wanted."""
 
 
 OF_PATH = ("area", "farthest", "target")
 """Quantities of the map along a line: area between cut and line [m2], largest distance of the cut to the line [m],
 target length [m]."""
 
+# Costs of the path, in order; none is charged for a cut on the line.
 PATH_COSTS = (
     WholeCutTerm(
         name="off_line",
@@ -210,22 +196,11 @@ PATH_COSTS = (
         value=lambda farthest: farthest / PER_MILLIMETRE,
     ),
 )
-"""Costs of the path, in order; none is charged for a cut on the line."""
 
 
-def depth_cost(of_map: Mapping[str, float]) -> float:
-    """Return the weighted sum of :data:`DEPTH_COSTS` for :data:`OF_MAP`."""
-    return _map_cost(DEPTH_COSTS, of_map)
-
-
-def path_cost(of_map: Mapping[str, float]) -> float:
-    """Return the weighted sum of :data:`PATH_COSTS` for :data:`OF_PATH`."""
-    return _map_cost(PATH_COSTS, of_map)
-
-
-def _map_cost(costs: tuple[WholeCutTerm, ...], of_map: Mapping[str, float]) -> float:
-    values = {
-        cost.name: cost.value(**{name: of_map[name] for name in inspect.signature(cost.value).parameters})
+def map_cost(costs: tuple[WholeCutTerm, ...], of_map: Mapping[str, float]) -> float:
+    """Return the weighted sum of costs for the quantities of a map."""
+    return math.fsum(
+        cost.weight * cost.value(**{name: of_map[name] for name in inspect.signature(cost.value).parameters})
         for cost in costs
-    }
-    return math.fsum(cost.weight * values[cost.name] for cost in costs)
+    )

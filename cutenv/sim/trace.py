@@ -1,7 +1,4 @@
-"""A recorded cut, reduced to what a rig can measure.
-
-One instant (`Reading`), and the whole cut (`Trace`).
-"""
+"""A recorded cut, reduced to what a rig can measure."""
 
 from __future__ import annotations
 
@@ -54,10 +51,7 @@ _STILL = 1e-3  # [m] to which noise of the speed may integrate
 def limits(name: str, force_unit: str = "N") -> tuple[float, float]:
     """Return a field's accepted range, in SI; force in its unit.
 
-    Raises
-    ------
-    ValueError
-        If a trace has no such field or unit.
+    ValueError if a trace has no such field or unit.
     """
     one_of("force_unit", force_unit, FORCE_UNITS)
     ranges = _ranges(force_unit)
@@ -72,63 +66,37 @@ def _ranges(force_unit: str) -> dict[str, tuple[float, float, str, str]]:
 
 
 class Reading(NamedTuple):
-    """One instant of a cut.
+    """One instant of a cut: what a rig can measure; unknown fields are None."""
 
-    It holds only what a rig can measure; unknown fields are None.
-
-    Attributes
-    ----------
-    time : float
-        Time [s].
-    force : float
-        Force on the blade along the cut line, positive against forward motion; in the trace's force unit.
-    position, speed : float or None
-        Position [m] (from the clamp) and speed [m/s] of the blade.
-    angle : float or None
-        Angle of the blade against the surface [rad]; upright is pi/2.
-    depth : float or None
-        Depth of cut at the blade [m].
-    """
-
-    time: float
-    force: float
-    position: float | None = None
-    speed: float | None = None
-    angle: float | None = None
-    depth: float | None = None
+    time: float  # [s]
+    force: float  # on the blade along the cut line, positive against forward motion; in the trace's force unit
+    position: float | None = None  # of the blade from the clamp [m]
+    speed: float | None = None  # [m/s]
+    angle: float | None = None  # of the blade against the surface [rad]; upright is pi/2
+    depth: float | None = None  # of cut at the blade [m]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Trace:
-    """A whole cut as recorded.
-
-    Read-only arrays of equal length, SI and radians.
+    """A whole cut as recorded: read-only arrays of equal length, SI and radians.
 
     Parameters
     ----------
-    time : array_like of shape (n,)
-        Time [s], strictly increasing; n is 2 or more.
-    force : array_like of shape (n,)
-        Force on the blade along the cut line, positive against forward motion [N], -1000 to 1000.
-    position : array_like of shape (n,), optional
-        Position of the blade [m], growing from the clamp, -0.05 to 0.5.
-    speed : array_like of shape (n,), optional
-        Speed of the blade [m/s], -2 to 2 (a sudden run reaches 1); must agree with `position` within a factor of 10.
-    angle : array_like of shape (n,), optional
-        Angle of the blade against the surface [rad], 0 to pi; upright is pi/2.
-    depth : array_like of shape (n,), optional
-        Depth of cut at the blade [m], 0 to 0.1.
-    height : array_like of shape (n,), optional
-        Height of the blade's lower end [m], upwards, as a rig with a height axis counts it; -0.2 to 0.2.
-    vertical_force : array_like of shape (n,), optional
-        Force of the tissue on the blade, upwards [N].
+    time, force : array_like of shape (n,)
+        Time [s], strictly increasing, n is 2 or more; force on the blade along the cut line, positive against forward
+        motion [N], -1000 to 1000.
+    position, speed, angle, depth : array_like of shape (n,), optional
+        Of the blade: from the clamp [m], -0.05 to 0.5; [m/s], -2 to 2 (a sudden run reaches 1), must agree with
+        `position` within a factor of 10; against the surface [rad], 0 to pi, upright is pi/2; of cut [m], 0 to 0.1.
+    height, vertical_force : array_like of shape (n,), optional
+        Of the blade's lower end [m], upwards, as a rig with a height axis counts it, -0.2 to 0.2; of the tissue on the
+        blade, upwards [N].
     force_x, force_y, force_z, torque_x, torque_y, torque_z : array_like of shape (n,), optional
         All six components in the sensor's own axes [N], [N m]; all or none. The score uses `force` alone.
-    blade_x, blade_y : array_like of shape (n,), optional
-        Place of a steered blade along and across the slab, from the middle of the clamp, to the left [m], -0.5 to 0.5;
-        both or none. `position` is then the length along the line, at the blade.
-    lateral_force : array_like of shape (n,), optional
-        Force of the tissue on the blade to its right, across its own direction [N].
+    blade_x, blade_y, lateral_force : array_like of shape (n,), optional
+        Place of a steered blade along and across the slab, from the middle of the clamp, to the left [m], -0.5 to 0.5,
+        both or none; force of the tissue on it to its right, across its own direction [N]. `position` is then the
+        length along the line, at the blade.
     force_unit : {"N", "1"}
         "1": the force is normalised, and nothing that needs newtons can be computed from the trace.
     metadata : mapping
@@ -136,10 +104,9 @@ class Trace:
 
     Raises
     ------
-    TypeError
-        If a field is not an array of numbers, or the metadata cannot be serialised to JSON.
-    ValueError
-        If a value is not finite or looks like another unit, lengths differ, or time does not increase.
+    TypeError, ValueError
+        If a field is not an array of numbers, or the metadata cannot be serialised to JSON; if a value is not finite or
+        looks like another unit, lengths differ, or time does not increase.
 
     Examples
     --------
@@ -195,29 +162,12 @@ class Trace:
 
     @classmethod
     def from_readings(
-        cls,
-        readings: Iterable[Reading],
-        *,
-        force_unit: str = "N",
-        metadata: Mapping[str, Any] | None = None,
+        cls, readings: Iterable[Reading], *, force_unit: str = "N", metadata: Mapping[str, Any] | None = None
     ) -> Trace:
-        """Collect readings into a trace.
+        """Collect two or more readings, in order of time, into a trace.
 
-        A field is known if every reading has it.
-
-        Parameters
-        ----------
-        readings : iterable of Reading
-            In order of time, 2 or more.
-        force_unit : {"N", "1"}
-            Unit of their force.
-        metadata : mapping, optional
-            Same as for `Trace`.
-
-        Raises
-        ------
-        ValueError
-            If a field is known to some readings only, or for the same reasons as in `Trace`.
+        A field is known if every reading has it.  ValueError if one is known to some readings only, or for the same
+        reasons as in `Trace`.
         """
         columns = {
             name: list(values) for name, values in zip(Reading._fields, zip(*readings, strict=True), strict=False)
@@ -266,26 +216,9 @@ class Trace:
         return speed
 
     def require(self, *names: str, by: str) -> tuple[NDArray[np.float64], ...]:
-        """Return the named fields, shape (n,) each.
+        """Return the named fields, shape (n,) each, in the order of the names.
 
-        Raise, naming the caller, if the trace lacks one.
-
-        Parameters
-        ----------
-        *names : str
-            Names among "time", "force", "position", "speed", "angle", "depth" and :data:`CHANNELS`.
-        by : str
-            Name of the function that needs them, for the message.
-
-        Returns
-        -------
-        tuple of ndarray, each of shape (n,)
-            In the order of the names.
-
-        Raises
-        ------
-        ValueError
-            If one is missing from the trace, or is not a field of a trace.
+        ValueError, which says who needs them (``by``), if the trace lacks one, or there is no such field.
         """
         for name in names:
             one_of("field", name, (*Reading._fields, *CHANNELS))
@@ -299,12 +232,7 @@ class Trace:
     def require_newtons(self, *, by: str) -> NDArray[np.float64]:
         """Return the force [N], shape (n,).
 
-        Raise, naming the caller, if it is normalised.
-
-        Raises
-        ------
-        ValueError
-            If the force is normalised (`force_unit` "1").
+        ValueError, which says who needs it (``by``), if the force is normalised (`force_unit` "1").
         """
         if self.force_unit != "N":
             raise ValueError(
@@ -316,15 +244,8 @@ class Trace:
     def select(self, which: slice | ArrayLike) -> Trace:
         """Return a part of the trace, for example ``trace.select(slice(0, 120))``.
 
-        Parameters
-        ----------
-        which : slice, or array_like of bool of shape (n,), or array_like of int
-            Instants to keep, in order of time.
-
-        Raises
-        ------
-        ValueError
-            If fewer than 2 remain, a mask has another length, or time no longer increases.
+        ``which`` may also be a mask, or indices in order of time.  ValueError if fewer than 2 instants remain, a mask
+        has another length, or time no longer increases.
         """
         index = which if isinstance(which, slice) else np.asarray(which)
         if isinstance(index, np.ndarray) and index.dtype == np.bool_ and index.shape != self.time.shape:
@@ -333,14 +254,9 @@ class Trace:
         return Trace(**columns, force_unit=self.force_unit, metadata=self.metadata)
 
     def with_metadata(self, metadata: Mapping[str, Any]) -> Trace:
-        """Return the same readings with other metadata.
+        """Return the same readings, not checked again, with other metadata.
 
-        The readings, checked already, are not checked again.
-
-        Raises
-        ------
-        TypeError
-            If the metadata cannot be serialised to JSON.
+        TypeError if the metadata cannot be serialised to JSON.
         """
         copy = object.__new__(Trace)
         copy.__dict__.update(self.__dict__, metadata=_json_copy(metadata))

@@ -29,12 +29,9 @@ from cutenv.task.info import INFO_FIELDS, column
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, CLIP, COMPONENTS
 from cutenv.task.reward import CUT_ENDS, ENDS, OF_MILLISECOND, REWARD
 
-NEAR_TARGET = 0.010
-"""Distance from the target to which the blade must have come before the task can be finished [m]."""
-SPEED_AT_REST = 0.5e-3
-"""Speed below which the blade counts as at rest [m/s]."""
-FORCE_UNLOADED = 0.1
-"""Force above friction below which the blade counts as unloaded [N]."""
+NEAR_TARGET = 0.010  # distance from the target to which the blade must have come before the task can be finished [m]
+SPEED_AT_REST = 0.5e-3  # speed below which the blade counts as at rest [m/s]
+FORCE_UNLOADED = 0.1  # force above friction below which the blade counts as unloaded [N]
 
 _FINISHED = ENDS.index("finished")
 _DECLARED: dict[str, tuple[Any, ...]] = {"reward": REWARD, "seen": COMPONENTS, "info": INFO_FIELDS}
@@ -73,10 +70,8 @@ def count_dtype(lanes: int) -> np.dtype[Any]:
     return np.dtype((np.record, [(name, kind, (lanes,)) for name, kind in fields]))
 
 
-COUNT = count_dtype(LANES)
-"""Accumulators of a row of a batch."""
-COUNT_ONE = count_dtype(1)
-"""Accumulators of a single cut."""
+COUNT = count_dtype(LANES)  # accumulators of a row of a batch
+COUNT_ONE = count_dtype(1)  # accumulators of a single cut
 
 
 def _fused(name: str, parameters: Iterable[str], lines: Iterable[str]) -> Any:
@@ -201,22 +196,15 @@ def begin_count(count: Struct, k: Integer, task: Struct, progress: Struct) -> No
 class Millisecond(NamedTuple):
     """A millisecond of a cut, as it is counted."""
 
-    position: float
-    """Position of the blade [m]."""
-    velocity: float
-    """Velocity of the blade [m/s]."""
-    force: float
-    """Force on the blade, true or measured [N]."""
-    felt: float
-    """Measured force [N]."""
+    position: float  # position of the blade [m]
+    velocity: float  # velocity of the blade [m/s]
+    force: float  # force on the blade, true or measured [N]
+    felt: float  # measured force [N]
     held: float
     """Force with which the tissue holds the blade [N]: measured, and where it has a part across the cut, their norm."""
-    tip: float
-    """Crack tip, true or estimated [m]."""
-    jump: float
-    """Unstable growth, true or estimated [m]."""
-    depth: float
-    """Depth of cut at the blade [m]."""
+    tip: float  # crack tip, true or estimated [m]
+    jump: float  # unstable growth, true or estimated [m]
+    depth: float  # depth of cut at the blade [m]
 
 
 @njit_inline
@@ -232,10 +220,7 @@ def norm_held(felt: float, across: float, pull: float) -> float:
 
 @njit_inline
 def count_lane(count: Struct, k: Integer, now: Millisecond) -> None:
-    """Count a millisecond of lane ``k``, setting ``count.end`` (:data:`~cutenv.task.reward.ENDS`).
-
-    ``count`` are the accumulators of a row (:func:`count_dtype`).
-    """
+    """Count a millisecond of lane ``k``, setting ``count.end`` (:data:`~cutenv.task.reward.ENDS`)."""
     position, velocity, force, felt, held, tip, jump, depth = now
     moved, speed, size = position - count.position[k], abs(velocity), abs(force)
     depth = max(depth, SHALLOWEST)
@@ -261,15 +246,8 @@ def count_lane(count: Struct, k: Integer, now: Millisecond) -> None:
 def conclude(stepping: Any, k: Integer, action: StructArray, observation: StructArray, info: Struct) -> None:
     """Conclude lane ``k``'s step: reward terms, progress and observation.
 
-    Parameters
-    ----------
-    stepping, k : Stepping, int
-        Row of cuts (:class:`cutenv.task.declare.Stepping`), and the lane;
-        :data:`~cutenv.task.reward.PROGRESS` of its cut is changed.
-    action : array, shape (2,)
-        The step's action.
-    observation, info : array of shape (12,), Record
-        Observation, and terms and cost of :data:`~cutenv.task.info.INFO`: filled.
+    ``stepping`` is a row of cuts (:class:`cutenv.task.declare.Stepping`); :data:`~cutenv.task.reward.PROGRESS` of the
+    lane's cut is changed, the observation, (12,), and the terms and cost of :data:`~cutenv.task.info.INFO` are filled.
     """
     cuts, row, count = stepping.cuts, stepping.row, stepping.count
     c = row.cut[k]
@@ -290,10 +268,7 @@ def conclude(stepping: Any, k: Integer, action: StructArray, observation: Struct
 
 @njit
 def succeeded(task: Struct, progress: Struct) -> bool:
-    """Return True for a finished, upright cut at the target.
-
-    The tip is within 3 mm of the target and the blade within 10 degrees of upright.
-    """
+    """Return True for a finished cut within 3 mm of the target, upright within 10 degrees."""
     near = tip_error(progress.tip, task.target) <= TIP_TOLERANCE
     upright = abs(0.5 * math.pi - progress.angle) <= ANGLE_TOLERANCE
     success: bool = progress.end == _FINISHED and near and upright

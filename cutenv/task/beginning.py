@@ -1,7 +1,4 @@
-"""Reset of episodes, compiled.
-
-Specimen, target length and the lab's prior knowledge, all from one random key.
-"""
+"""Reset of episodes, compiled: specimen, target length, prior knowledge by one key."""
 
 from __future__ import annotations
 
@@ -24,13 +21,11 @@ from cutenv.task.assessment import COUNT_ONE, observe_rest
 from cutenv.task.declare import Cuts, OneCut, Task
 from cutenv.task.stepper import batch_of_one
 
-SHORTEST, LONGEST = 0.060, 0.100
-"""Range from which the target length is sampled [m]."""
+SHORTEST, LONGEST = 0.060, 0.100  # range from which the target length is sampled [m]
 
 _FIRST = np.int64(0)  # not a literal, for which Numba would compile the function again
 
-LIVER, VASCULAR, MIXED, GIVEN = range(4)
-"""Sources of specimens: sampled from a class, or one that is given."""
+LIVER, VASCULAR, MIXED, GIVEN = range(4)  # sources of specimens: sampled from a class, or one that is given
 
 
 @njit
@@ -66,16 +61,11 @@ def expect(nominal: Struct, profile: Struct) -> None:
 class Start(NamedTuple):
     """Settings that n cuts share when they begin."""
 
-    cuts: Cuts
-    """One cut at its start; what depends on the key is filled in."""
-    expected: StructArray
-    """Mean tissue, :data:`cutenv.sim.tissue.specimen.NOMINAL` of shape (1,), that a rig expects."""
-    source: int
-    """LIVER, VASCULAR, MIXED or GIVEN."""
-    target: float
-    """Length of every cut [m]; 0: sampled."""
-    before: float
-    """Distance from the target to which every cut is already made [m]; 0: all begin at the clamp."""
+    cuts: Cuts  # one cut at its start; what depends on the key is filled in
+    expected: StructArray  # mean tissue, NOMINAL of shape (1,), that a rig expects
+    source: int  # LIVER, VASCULAR, MIXED or GIVEN
+    target: float  # length of every cut [m]; 0: sampled
+    before: float  # distance from the target to which every cut is already made [m]; 0: all begin at the clamp
 
 
 class Keys(NamedTuple):
@@ -89,11 +79,9 @@ class Keys(NamedTuple):
 class Drawing(NamedTuple):
     """Tables from which specimens, surfaces and lab knowledge are drawn."""
 
-    recipe: StructArray
-    """See :func:`cutenv.sim.tissue.specimen_kernels.sample_profiles`, and for ``modes``."""
+    recipe: StructArray  # see sample_profiles, and for ``modes``
     modes: Array
-    depth_noise: float
-    """See :func:`measure_depth`, and for ``depth_modes``."""
+    depth_noise: float  # see measure_depth, and for ``depth_modes``
     depth_modes: Array
     surface: tuple[float, float, Array]
     """Spread [m], greatest depth [m] and modes of :func:`cutenv.sim.tissue.specimen.vary_surface`; spread 0: every
@@ -160,20 +148,9 @@ def begin_some(task: Task) -> Callable[..., None]:
     ) -> None:
         """Reset the cuts ``keys.which``, each exactly as a single environment.
 
-        Parameters
-        ----------
-        passed, core : WorkQueue, int
-            Work queue over these cuts and number of the thread, see :func:`cutenv._engine.parallel.parallel_for`.
-        cuts : Cuts
-            n cuts; those in ``keys.which`` are reset.
-        start, keys, drawing : Start, Keys, Drawing
-            What all share, the keys, and how specimens are drawn.
-        given : tuple
-            What the task needs besides, see its hook ``begin``.
-        observations : array of float32, shape (n, components)
-            Filled for these cuts.
-        vascular : array of int8, shape (n,)
-            1 for a sampled specimen with vessels, 0 without.
+        ``passed`` and ``core`` are those of :func:`cutenv._engine.parallel.parallel_for`.  ``given`` is what the task
+        needs besides, see its hook ``begin``.  For the cuts that are reset ``observations`` is filled, and
+        ``vascular``, with 1 for a sampled specimen with vessels.
         """
         counts = np.zeros(1, COUNT_ONE)
         recipe = drawing.recipe[0]

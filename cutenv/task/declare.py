@@ -33,10 +33,9 @@ from cutenv.task.info import INFO
 from cutenv.task.observation import CLIP, COMPONENTS, DEAD_ZONE, Component
 from cutenv.task.reward import ENDS, PROGRESS, SPECIMEN, TASK, TERMS
 
+# Assessment of the whole cut where nothing is asked of it but a success.
 WHOLE: np.dtype[Any] = np.dtype((np.record, [("success", "i8")]))
-"""Assessment of the whole cut where nothing is asked of it but a success."""
-WAYS = 5
-"""Number of measurements at each reading that a task may have beyond those of a straight cut."""
+WAYS = 5  # number of measurements at each reading that a task may have beyond those of a straight cut
 
 
 class Cuts(NamedTuple):
@@ -47,19 +46,14 @@ class Cuts(NamedTuple):
     laws: StructArray
     drives: StructArray
     sensors: StructArray
-    motions: StructArray
-    """Records of the motion, :attr:`~cutenv.sim.cutting.motion.Motion.record`."""
-    shared: StructArray
-    """Record that all cuts share, shape (1,)."""
+    motions: StructArray  # records of the motion, record
+    shared: StructArray  # record that all cuts share, shape (1,)
     tasks: StructArray
     progresses: StructArray
-    nominals: StructArray
-    """Profiles that a rig expects."""
+    nominals: StructArray  # profiles that a rig expects
     specimens: StructArray
-    known: StructArray
-    """Knowledge of a rig about a cut, :attr:`Task.known`; unused if the reward is assessed by hidden state."""
-    wholes: StructArray
-    """Assessment of the whole cut, :attr:`Task.whole`."""
+    known: StructArray  # knowledge of a rig about a cut, known; unused if the reward is assessed by hidden state
+    wholes: StructArray  # assessment of the whole cut, whole
 
     @classmethod
     def empty(cls, task: Task, count: int) -> Cuts:
@@ -91,12 +85,9 @@ class Cuts(NamedTuple):
 class OneCut(NamedTuple):
     """One cut and its episode: records of shape (1,)."""
 
-    cut: StructArray
-    """:attr:`~cutenv.sim.cutting.motion.Motion.cut`."""
-    shared: StructArray
-    """Record that all cuts of the task and tissue share."""
-    episode: StructArray
-    """:attr:`Task.episode`."""
+    cut: StructArray  # cut
+    shared: StructArray  # record that all cuts of the task and tissue share
+    episode: StructArray  # episode
 
 
 class Stepping(NamedTuple):
@@ -106,10 +97,8 @@ class Stepping(NamedTuple):
     row: Struct
     plain: Plain
     moving: Moving
-    count: Struct
-    """Accumulators of gentle cutting, :data:`~cutenv.task.assessment.COUNT`."""
-    step: Struct
-    """Counts that the task adds, :attr:`Task.counted`."""
+    count: Struct  # accumulators of gentle cutting, COUNT
+    step: Struct  # counts that the task adds, counted
 
 
 @njit_inline
@@ -133,33 +122,26 @@ class ActionAxis:
 
     name: str
     meaning: str
-    command: str
-    """Keyword of a rig's plant that commands it."""
-    scale: float
-    """Command of action 1, in SI units; it is 0 in the dead zone, and linear beyond."""
-    shown: str
-    """Range from -1 to 1, for readers."""
-    unit: str
-    """Unit of that range."""
+    command: str  # keyword of a rig's plant that commands it
+    scale: float  # command of action 1, in SI units; it is 0 in the dead zone, and linear beyond
+    shown: str  # range from -1 to 1, for readers
+    unit: str  # unit of that range
 
 
+# Quantities of such a number: records of the cut, its motion and the whole cut; target length and assessed tip [m].
 OF_CUT = ("state", "motion", "whole", "target", "tip")
-"""Quantities of such a number: records of the cut, its motion and the whole cut; target length and assessed tip [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CutNumber:
     """Whole-cut error or hidden state that a task adds to info."""
 
-    name: str
-    """Name with unit."""
+    name: str  # name with unit
     meaning: str
-    value: Formula
-    """Its value, of quantities of :data:`OF_CUT`."""
-    on_rig: bool = True
-    """False: no rig can tell it."""
+    value: Formula  # its value, of quantities of OF_CUT
+    on_rig: bool = True  # False: no rig can tell it
+    # Title and meaning in the glossary of a report, for a reader who does not know the task.
     glossary: tuple[str, str] | None = None
-    """Title and meaning in the glossary of a report, for a reader who does not know the task."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -174,82 +156,63 @@ class Task(Declaration):
     :func:`whole_fields` gives.
     """
 
-    place: str
-    """Module and name of this object, "package.module:NAME"."""
-    environment: str
-    """Id of the environment."""
-    from_truth: bool = True
-    """True: the reward is assessed by hidden state; false: by what a rig sees, see :attr:`seen`."""
+    place: str  # module and name of this object, "package.module:NAME"
+    environment: str  # id of the environment
+    from_truth: bool = True  # True: the reward is assessed by hidden state; False: by what a rig sees, see seen
     motion: Motion = STRAIGHT
     axis: ActionAxis | None = None
-    components: tuple[Component, ...] = ()
-    """Components of the observation that follow those of gentle cutting."""
-    costs: tuple[WholeCutTerm, ...] = ()
-    """Costs of the whole cut."""
+    components: tuple[Component, ...] = ()  # components of the observation that follow those of gentle cutting
+    costs: tuple[WholeCutTerm, ...] = ()  # costs of the whole cut
     quantities: tuple[str, ...] = ()
     """Quantities of their formulas: fields of the whole cut's record, and "target"."""
-    whole: np.dtype[Any] = WHOLE
-    """Record of the whole cut."""
-    counted: tuple[str, ...] = ("nothing",)
-    """Counts of a step."""
-    expected: np.dtype[Any] = NOTHING
-    """Record of the motion that a rig expects, among what it knows."""
-    measured: tuple[str, ...] = ()
-    """Measurements at each reading that the task adds, by field of a trace."""
-    end: str = ""
-    """Name of a further end for safety."""
-    end_text: str = ""
-    """When a cut ends so."""
+    whole: np.dtype[Any] = WHOLE  # record of the whole cut
+    counted: tuple[str, ...] = ("nothing",)  # counts of a step
+    expected: np.dtype[Any] = NOTHING  # record of the motion that a rig expects, among what it knows
+    measured: tuple[str, ...] = ()  # measurements at each reading that the task adds, by field of a trace
+    end: str = ""  # name of a further end for safety
+    end_text: str = ""  # when a cut ends so
+    # Group of the info that has the errors of the whole cut, and line of a picture that has its costs.
     shown_as: str = ""
-    """Group of the info that has the errors of the whole cut, and line of a picture that has its costs."""
-    errors: tuple[CutNumber, ...] = ()
-    """Errors of the whole cut."""
-    truth: tuple[CutNumber, ...] = ()
-    """Hidden state that the task adds to the truth in the info."""
-    hidden: tuple[str, ...] = ()
-    """Names of the privileged features that the task adds to those of gentle cutting."""
+    errors: tuple[CutNumber, ...] = ()  # errors of the whole cut
+    truth: tuple[CutNumber, ...] = ()  # hidden state that the task adds to the truth in the info
+    hidden: tuple[str, ...] = ()  # names of the privileged features that the task adds to those of gentle cutting
 
+    # Return the target length [m] from what is given and a key; None: it is drawn from 60 to 100 mm.
     length: Callable[..., float] | None = None
-    """Return the target length [m] from what is given and a key; None: it is drawn from 60 to 100 mm."""
+    # Begin a cut whose records were begun as those of gentle cutting, from what is given and a key.
     begin: Callable[..., None] | None = None
-    """Begin a cut whose records were begun as those of gentle cutting, from what is given and a key."""
-    expect: Callable[..., None] | None = None
-    """Begin what a rig knows of it."""
+    expect: Callable[..., None] | None = None  # begin what a rig knows of it
+    # Fill the components that the task adds at the start; takes cuts, number of the cut, its motion, observation.
     observe_start: Callable[..., None] | None = None
-    """Fill the components that the task adds at the start; takes cuts, number of the cut, its motion, observation."""
-    fetch: Callable[..., None] | None = None
-    """Prefetch records of the next row of cuts."""
+    fetch: Callable[..., None] | None = None  # prefetch records of the next row of cuts
+    # Prepare the counts of a step; takes them, number of the lane, and place of the blade's leading end [m].
     begin_step: Callable[..., None] | None = None
-    """Prepare the counts of a step; takes them, number of the lane, and place of the blade's leading end [m]."""
+    # Count a millisecond: counts, number of the lane, place of the blade, tip [m], force across the cut [N].
     count: Callable[..., None] | None = None
-    """Count a millisecond: counts, number of the lane, place of the blade, tip [m], force across the cut [N]."""
+    # Return the force that is charged and limited, from those along and across the cut [N]; None: that along it.
     size: Callable[..., float] | None = None
-    """Return the force that is charged and limited, from those along and across the cut [N]; None: that along it."""
+    # Bring the record of the whole cut up to date: record, motion, counts, number of the lane, tip [m].
     survey: Callable[..., None] | None = None
-    """Bring the record of the whole cut up to date: record, motion, counts, number of the lane, tip [m]."""
+    # Return whether the cut ends for safety, from the record of the whole cut.
     breached: Callable[..., bool] | None = None
-    """Return whether the cut ends for safety, from the record of the whole cut."""
+    # Return whether the whole cut is within the tolerances of a success, from its record and target length [m].
     achieved: Callable[..., bool] | None = None
-    """Return whether the whole cut is within the tolerances of a success, from its record and target length [m]."""
+    # Return the energy that an end leaves stored [J], or -1 for that along the cut, and R B at the tip [N].
     left_loaded: Callable[..., tuple[float, float]] | None = None
-    """Return the energy that an end leaves stored [J], or -1 for that along the cut, and R B at the tip [N]."""
-    left_loaded_seen: Callable[..., tuple[float, float]] | None = None
-    """The same of a cut that is seen as on a rig."""
+    left_loaded_seen: Callable[..., tuple[float, float]] | None = None  # the same of a cut that is seen as on a rig
+    # Fill the components that the task adds; takes a Stepping, number of the lane, action, observation.
     observe: Callable[..., None] | None = None
-    """Fill the components that the task adds; takes a :class:`Stepping`, number of the lane, action, observation."""
-    observe_seen: Callable[..., None] | None = None
-    """The same of a cut that is seen as on a rig."""
+    observe_seen: Callable[..., None] | None = None  # the same of a cut that is seen as on a rig
+    # Let a simulated rig measure; what it reads are the ``ways`` of what is known.
     measure: Callable[..., None] | None = None
-    """Let a simulated rig measure; what it reads are the ``ways`` of what is known."""
+    # Bring the profile that a rig expects up to date, before the tip is estimated.
     expect_at: Callable[..., None] | None = None
-    """Bring the profile that a rig expects up to date, before the tip is estimated."""
     felt_along: Callable[..., float] | None = None
     """Return the force along the cut, by which a rig estimates the tip: what is known, place of the blade [m], and the
     force along the blade [N]; None: that force."""
-    learn: Callable[..., None] | None = None
-    """Let what is expected follow an estimated tip."""
+    learn: Callable[..., None] | None = None  # let what is expected follow an estimated tip
+    # Fill the privileged features that the task adds to those of gentle cutting.
     hide: Callable[..., None] | None = None
-    """Fill the privileged features that the task adds to those of gentle cutting."""
 
     def __post_init__(self) -> None:
         if self.costs and not self.shown_as:
@@ -377,10 +340,7 @@ def fill_numbers(task: Task) -> Callable[..., None]:
 
 @compiled_for(njit_internal)
 def command_of(task: Task) -> Callable[[float], float]:
-    """Return the function that turns a third action into a command.
-
-    Actions are from -1 to 1: 0 in the dead zone, linear beyond.
-    """
+    """Return the function that turns a third action, with a dead zone, into a command."""
     scale = 0.0 if task.axis is None else task.axis.scale
 
     def command(action: float) -> float:

@@ -67,28 +67,21 @@ from cutenv.task.episode import Episode, Goal, ShownDepth, TaskOptions
 from cutenv.task.observation import COMPONENTS, SPEED_SCALE, Component, speed_action, to_action
 from cutenv.task.reward import with_weights
 
+# Kinds of wanted depth: the specimen's own profile (a blade that stays at level 0), or a depth below the surface.
 AT_LEVEL, UNCHANGING, RAMPED, STEPPED, MIXED_WANTED = range(5)
-"""Kinds of wanted depth: the specimen's own profile (a blade that stays at level 0), or a depth below the surface."""
 WANTED_KINDS = {"profile": AT_LEVEL, "constant": UNCHANGING, "ramp": RAMPED, "step": STEPPED, "mixed": MIXED_WANTED}
 """Kinds by name; "mixed" draws one of constant, ramp and step."""
-SHALLOW, DEEP = 0.006, 0.014
-"""Range from which wanted depths are drawn [m]."""
-LEAST_CHANGE = 0.003
-"""Least difference between the two depths of a ramp or a step [m]."""
-STEP_LENGTH = 0.002
-"""Length along the cut within which a step changes [m]: a blade takes time to descend."""
-LEAST_BELOW, MOST_BELOW = 0.001, 0.004
-"""Range of the distance from the deepest wanted place to the layer below [m]."""
-TOUGHNESS_RANGE = (0.3, 4.0)
-"""Range of that layer's toughness over the tissue's, drawn by its logarithm; assumed."""
-MODULUS_RANGE = (0.3, 3.0)
-"""Range of that layer's modulus over the tissue's, drawn by its logarithm; assumed."""
+SHALLOW, DEEP = 0.006, 0.014  # range from which wanted depths are drawn [m]
+LEAST_CHANGE = 0.003  # least difference between the two depths of a ramp or a step [m]
+STEP_LENGTH = 0.002  # length along the cut within which a step changes [m]: a blade takes time to descend
+LEAST_BELOW, MOST_BELOW = 0.001, 0.004  # range of the distance from the deepest wanted place to the layer below [m]
+TOUGHNESS_RANGE = (0.3, 4.0)  # range of that layer's toughness over the tissue's, drawn by its logarithm; assumed
+MODULUS_RANGE = (0.3, 3.0)  # range of that layer's modulus over the tissue's, drawn by its logarithm; assumed
 
-DESCENT_SCALE = 0.010
-"""Speed downwards of descent action 1 [m/s]."""
-LOOK_AHEAD = (0.005, 0.010, 0.020)
-"""Distances ahead of the blade at which the wanted depth is observed [m]."""
+DESCENT_SCALE = 0.010  # speed downwards of descent action 1 [m/s]
+LOOK_AHEAD = (0.005, 0.010, 0.020)  # distances ahead of the blade at which the wanted depth is observed [m]
 
+# Components of the observation that follow the 12 of gentle cutting, in order.
 DEPTH_COMPONENTS = (
     Component(name="vertical", meaning="vertical force now, upwards", unit="N", scale=5.0),
     Component(name="vertical_mean", meaning="its mean since the last decision", unit="N", scale=5.0),
@@ -103,16 +96,12 @@ DEPTH_COMPONENTS = (
     Component(name="wanted_far", meaning="20 mm further", unit="m", scale=0.02),
     Component(name="last_descent", meaning="last action: descent", unit="1", scale=1.0),
 )
-"""Components of the observation that follow the 12 of gentle cutting, in order."""
 
 
 @with_weights(DEPTH_COSTS)
 @dataclass(frozen=True, kw_only=True)
 class DepthConstants:
-    """Constants of the depth.
-
-    Weights of its costs, limit of the layer, sensor of the vertical force.
-    """
+    """Weights of the depth's costs, limit of the layer, sensor of the vertical force."""
 
     layer_limit: float = parameter(
         LAYER_LIMIT, unit="m", low=0.0001, high=0.03, provenance="choice",
@@ -129,6 +118,7 @@ class DepthConstants:
         check_parameters(self)
 
 
+# Record of a cut's wanted depth, and of its floor so far, by which its depth is assessed.
 DEPTH: np.dtype[Any] = np.dtype(
     (
         np.record,
@@ -147,14 +137,12 @@ DEPTH: np.dtype[Any] = np.dtype(
         ],
     )
 )
-"""Record of a cut's wanted depth, and of its floor so far, by which its depth is assessed."""
 
-RESPONSE = round(FLOOR_EVERY / TICK)
-"""Milliseconds between two responses of the expected floor."""
+RESPONSE = round(FLOOR_EVERY / TICK)  # milliseconds between two responses of the expected floor
+# Record of the vertical motion that a rig expects, with the levels of the last readings [m].
 EXPECTED: np.dtype[Any] = np.dtype(
     (np.record, [("levels", "f8", (RESPONSE + 1,)), *((name, DESCENT[name]) for name in DESCENT.names or ())])
 )
-"""Record of the vertical motion that a rig expects, with the levels of the last readings [m]."""
 _EVERY = round(ESTIMATED_EVERY / TICK)
 _AHEAD = 3  # cells ahead of the blade that it may reach until the tip is estimated again
 _NORMALS = 4  # random numbers of a decision
@@ -214,10 +202,9 @@ def breached(depth: Struct) -> bool:
 
 @njit_inline
 def achieved(depth: Struct, target: float) -> bool:
-    """Return True if depth errors are within the success's tolerances.
+    """Return True if mean error and depth into the layer are a success's.
 
-    They are the mean error of the depth and the depth into the layer below.  The mean is that of the length that is
-    left to cut at the start.
+    The mean is that of the length that is left to cut at the start.
     """
     mean: float = (depth.deep + depth.uncut) / max(target - depth.begun, SPACING)
     return mean <= DEPTH_TOLERANCE and depth.deepest <= LAYER_TOLERANCE
@@ -500,13 +487,8 @@ def hide(cuts: Cuts, which: StructArray, hidden: Array) -> None:
     """Fill depth's privileged features for the cuts ``which``."""
     for m in range(len(which)):
         n = which[m]
-        state, measured, task, descent, depth = (
-            cuts.states[n],
-            cuts.nominals[n],
-            cuts.tasks[n],
-            cuts.motions[n],
-            cuts.wholes[n],
-        )
+        state, measured, task = cuts.states[n], cuts.nominals[n], cuts.tasks[n]
+        descent, depth = cuts.motions[n], cuts.wholes[n]
         i = min(int(state.tip * POINTS_PER_METRE + 0.5), N_POINTS - 1)
         further = min(int((state.tip + _FURTHER) * POINTS_PER_METRE + 0.5), N_POINTS - 1)
         floor, blade = descent.surface[i] - descent.engaged, descent.surface[i] - descent.level
@@ -609,19 +591,9 @@ DEPTH_CUT = Task(
 class DepthOptions(TaskOptions):
     """Options of cutting along a wanted depth.
 
-    Parameters
-    ----------
-    keywords : dict
-        Keywords of the environment, of which these are removed: ``wanted``, ``layer``, and the fields of
-        :class:`DepthConstants`, :class:`~cutenv.sim.cutting.descent.DescentParameters` and
-        :class:`~cutenv.sim.tissue.specimen.SurfaceSpread`.
-
-    Attributes
-    ----------
-    wanted : int
-        Kind of wanted depth, a value of :data:`WANTED_KINDS`.
-    layer : bool
-        Whether there is another layer below.
+    From the keywords of the environment ``wanted``, ``layer``, and the fields of :class:`DepthConstants`,
+    :class:`~cutenv.sim.cutting.descent.DescentParameters` and :class:`~cutenv.sim.tissue.specimen.SurfaceSpread` are
+    removed.  ``wanted`` becomes a value of :data:`WANTED_KINDS`, ``layer`` whether there is another layer below.
     """
 
     names = (
@@ -687,19 +659,13 @@ def depth_shown(descent: Struct, depth: Struct) -> ShownDepth:
 
 
 class DepthEpisode(Episode):
-    """An episode along a wanted depth.
-
-    Its floor is the true one, or that which a rig expects.
-    """
+    """An episode along a wanted depth, with the true floor or the expected one."""
 
     options: DepthOptions
     _level_before = 0.0
 
     def step(self, action: Array) -> tuple[Array32, float]:
-        """Command an action for one decision; return observation, (22,), and reward.
-
-        An action is 3 numbers in [-1, 1].
-        """
+        """Command 3 numbers in [-1, 1] for one decision; return observation, (22,), and reward."""
         self._level_before = float(self.motion["level"][0])
         return super().step(action)
 

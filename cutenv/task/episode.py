@@ -1,7 +1,4 @@
-"""One episode of a task on any plant.
-
-Actions in; observation, reward terms and end out.
-"""
+"""One episode of a task on any plant: actions in; observation, reward, end out."""
 
 from __future__ import annotations
 
@@ -27,8 +24,6 @@ from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, commanded_speed
 from cutenv.task.reward import ENDS, STOPPED, TERMS, Limits, RewardWeights, task_record
 from cutenv.task.stepper import assess_readings, observe_one, step_one, tell_one
 
-_GROUPS = {group: tuple(field.name for field in fields) for group, fields in GROUPS.items()}
-
 
 def nominal_profile(tissue: TissueDescription, depth: NDArray[np.float64]) -> StructArray:
     """Return a rig's expected profile, (1,): mean tissue, measured depth [m]."""
@@ -49,16 +44,11 @@ class Goal:
 
     tissue: TissueDescription
     """Tissue that a rig assumes; gives nominal stiffness and friction."""
-    friction_per_depth: float
-    """Friction of the moving blade over the depth of cut, true or nominal [N/m]."""
-    target_length: float
-    """Length to cut [m]."""
-    deadline: float = 30.0
-    """Time limit [s]."""
-    ticks: int = 20
-    """Milliseconds between decisions."""
-    start: float = 0.0
-    """Length of the cut that is already made [m]."""
+    friction_per_depth: float  # friction of the moving blade over the depth of cut, true or nominal [N/m]
+    target_length: float  # length to cut [m]
+    deadline: float = 30.0  # time limit [s]
+    ticks: int = 20  # milliseconds between decisions
+    start: float = 0.0  # length of the cut that is already made [m]
     key: tuple[int, int] | None = (0, 0)
     """Seed and episode; None: what the task adds is left as it is before a cut begins."""
     weights: RewardWeights = RewardWeights()  # noqa: RUF009  frozen
@@ -66,24 +56,13 @@ class Goal:
 
 
 class TaskOptions:
-    """Options that a task adds to those of gentle cutting.
-
-    They are taken from the keywords of an environment; here there are none.
-
-    Parameters
-    ----------
-    keywords : dict
-        Keywords of the environment; those of the task are removed.
-    """
+    """Options that a task takes from an environment's keywords; here none."""
 
     task: ClassVar[Task] = GENTLE_CUT
-    """The task."""
-    names: ClassVar[tuple[str, ...]] = ()
-    """Names of the keywords."""
+    names: ClassVar[tuple[str, ...]] = ()  # names of the keywords
     surface = SurfaceSpread(surface_spread=0.0)
     """Spread of the surface between drawn specimens; none: the depth of cut is the mean liver's."""
-    given: dict[str, Any]
-    """The task's keywords as they were given."""
+    given: dict[str, Any]  # the task's keywords as they were given
 
     def __init__(self, keywords: dict[str, Any]) -> None:
         self.given = {name: keywords[name] for name in self.names if name in keywords}
@@ -125,23 +104,11 @@ class TaskOptions:
 
 
 class Episode:
-    """An episode of a task.
+    """An episode of a task: cut gently from the clamp to a target length.
 
-    Cut gently from the clamp to a target length.
-
-    On a simulated plant each step is one compiled call, which stops where the cut ends.  On a rig the command goes out,
-    the readings come in, and tip, runs and the whole cut are estimates.
-
-    Parameters
-    ----------
-    plant : Plant
-        The tissue and blade to control; the blade stands at the clamp.
-    goal : Goal
-        What is to be cut, and how that is assessed.
-    options : TaskOptions, optional
-        Task and its options; by default gentle cutting.
-    from_truth : bool, optional
-        On a simulated plant, whether the reward is assessed from hidden state, or from what a rig sees; None: on a rig.
+    On a simulated plant each step is one compiled call, which stops where the cut ends, and ``from_truth`` says whether
+    the reward is assessed from hidden state, or from what a rig sees.  On a rig the command goes out, the readings come
+    in, and tip, runs and the whole cut are estimates.
     """
 
     def __init__(
@@ -154,8 +121,7 @@ class Episode:
         self._numbers: tuple[NDArray[np.float64], NDArray[np.int64]]  # the last info's record
         self._cuts: Cuts  # both are views, kept, because making one takes as long as a step
         self.last_action = np.zeros(len(self.task.action_names))
-        self.record = np.zeros(1, self.task.episode)
-        """Record of the episode, :attr:`~cutenv.task.declare.Task.episode` of shape (1,)."""
+        self.record = np.zeros(1, self.task.episode)  # record of the episode, episode of shape (1,)
         self.record["tasks"] = task_record(
             goal.weights, goal.limits, target=goal.target_length, deadline=goal.deadline,
             friction_per_depth=goal.friction_per_depth, speeds=(goal.tissue.speed_min, goal.tissue.speed_max),
@@ -165,8 +131,7 @@ class Episode:
         if not self.task.from_truth:
             believe_mean(self.record["known"]["tip"], goal.friction_per_depth)
             _fill(self.record["known"]["motion"][0], self.options.expected(goal.tissue))
-        self.shared = self.options.shared(goal.tissue)
-        """Record that all cuts of the task and tissue share, shape (1,)."""
+        self.shared = self.options.shared(goal.tissue)  # record that all cuts of the task and tissue share, shape (1,)
         self._felt: StructArray | None = None
         self._channels: dict[str, Array] = {}
         self._end = 0
@@ -228,13 +193,7 @@ class Episode:
         return {}, np.zeros((count, WAYS))
 
     def stopped(self, readings: StructArray) -> tuple[NDArray[np.float32], float]:
-        """End a cut that rig safety stopped after ``readings``.
-
-        Returns
-        -------
-        tuple of observation, shape (k,), and reward
-            Same as for :meth:`step`.
-        """
+        """End a cut that rig safety stopped after ``readings``; return as :meth:`step`."""
         observation, reward = self._assess(readings)
         return observation, reward + self.charge_stop()
 
@@ -288,10 +247,7 @@ class Episode:
 
     @property
     def across(self) -> Array:
-        """Force across a simulated cut since the decision [N], (ticks,).
-
-        It is the true one, or as measured where a rig sees the cut.
-        """
+        """Force across a simulated cut, true or as seen, since the decision [N], (ticks,)."""
         return self._recorded[1]
 
     @property
@@ -409,7 +365,8 @@ class Episode:
     @property
     def cost_terms(self) -> dict[str, float]:
         """The cost of the last step by part [mm]."""
-        return info_group(self.info(), "cost_terms")
+        names = (field.name for field in GROUPS["cost_terms"])
+        return dict(zip(names, self.info()[PLACES["cost_terms"]], strict=True))
 
     @property
     def reward_terms(self) -> dict[str, float]:
@@ -433,10 +390,7 @@ class Episode:
 
     @property
     def shown_totals(self) -> dict[str, float]:
-        """Reward since the start by a picture's lines.
-
-        All costs of the whole cut are in one line.
-        """
+        """Reward since the start by a picture's lines, whole-cut costs in one."""
         own, line = self.whole_totals, self.task.shown_as
         gentle = {name: total for name, total in self.reward_totals.items() if name not in own}
         return gentle | ({line: sum(own.values())} if line else {})
@@ -474,11 +428,6 @@ class Episode:
         return Cuts(*(part.copy() for part in self._cuts))._replace(shared=self.shared)
 
 
-def info_group(numbers: list[float], group: str) -> dict[str, float]:
-    """Return one group of the fields of :meth:`Episode.info` by name."""
-    return dict(zip(_GROUPS[group], numbers[PLACES[group]], strict=True))
-
-
 def _fill(records: StructArray, record: StructArray | None) -> None:
     """Fill records with an optional record's fields of equal names."""
     if record is not None:
@@ -487,39 +436,22 @@ def _fill(records: StructArray, record: StructArray | None) -> None:
 
 
 class ShownDepth(NamedTuple):
-    """Depth of a cut for a picture [m].
+    """Depth of a cut for a picture [m], (301,), above a level-0 blade's plane."""
 
-    It is above the plane to which a blade at level 0 cuts; arrays of shape (301,).
-    """
-
-    level: float
-    """Level of the blade's lower end."""
+    level: float  # level of the blade's lower end
     surface: Array
-    floor: Array
-    """Floor of the cut, hidden; where nothing is cut, the surface."""
-    wanted: Array
-    """Wanted floor, below the true surface."""
-    layer: Array
-    """Upper side of the layer below, hidden."""
+    floor: Array  # floor of the cut, hidden; where nothing is cut, the surface
+    wanted: Array  # wanted floor, below the true surface
+    layer: Array  # upper side of the layer below, hidden
 
 
 class ShownPath(NamedTuple):
-    """Path of a cut for a picture.
+    """Path of a cut for a picture, along and left of the slab's axis [m]."""
 
-    Places along and across the slab, to the left [m].
-    """
-
-    line: Array
-    """The line, every 0.5 mm, shape (301, 2)."""
-    target: int
-    """Point of the line where the cut is to end."""
-    cut: Array
-    """The cut from the clamp to its tip, hidden, shape (n, 2)."""
-    tip: Array
-    """Shape (2,), hidden."""
-    blade: Array
-    """Shape (2,)."""
-    heading: Array
-    """Direction in which the blade points, shape (2,)."""
-    aside: float
-    """Distance of the blade to the left of the line."""
+    line: Array  # the line, every 0.5 mm, shape (301, 2)
+    target: int  # point of the line where the cut is to end
+    cut: Array  # the cut from the clamp to its tip, hidden, shape (n, 2)
+    tip: Array  # shape (2,), hidden
+    blade: Array  # shape (2,)
+    heading: Array  # direction in which the blade points, shape (2,)
+    aside: float  # distance of the blade to the left of the line

@@ -1,7 +1,4 @@
-"""Fields of `info`.
-
-Hidden state, energies, reward terms, cost. For people and tests, never for policies.
-"""
+"""Fields of `info`, for people and tests, never for policies."""
 
 from __future__ import annotations
 
@@ -27,14 +24,10 @@ class InfoField:
     """
 
     name: str
-    group: str = ""
-    """Dictionary of `info` that holds it; empty: `info` itself."""
-    whole: bool = False
-    """True: a whole number."""
-    value: Formula | None = None
-    """Its value, of quantities of :data:`OF_INFO`; None: a term of the reward."""
-    each: Formula | None = None
-    """Summand of every millisecond."""
+    group: str = ""  # dictionary of `info` that holds it; empty: `info` itself
+    whole: bool = False  # True: a whole number
+    value: Formula | None = None  # its value, of quantities of OF_INFO; None: a term of the reward
+    each: Formula | None = None  # summand of every millisecond
 
 
 OF_INFO = ("state", "law", "task", "energy", "modulus", "resistance")
@@ -100,8 +93,7 @@ PLACES = {
     group: slice(INFO_FIELDS.index(fields[0]), INFO_FIELDS.index(fields[-1]) + 1) for group, fields in GROUPS.items()
 }
 """Place of each group in a record, counted in fields, each 8 bytes wide."""
-WHOLE_NUMBERS = tuple(number for number, field in enumerate(INFO_FIELDS) if field.whole)
-"""Places of the whole numbers."""
+WHOLE_NUMBERS = tuple(number for number, field in enumerate(INFO_FIELDS) if field.whole)  # places of the whole numbers
 COST, OUT_OF_RANGE = ([column(field) for field in INFO_FIELDS].index(name) for name in ("cost", "out_of_range"))
 """Places of the cost and of the updates out of range."""
 

@@ -1,7 +1,4 @@
-"""The observation.
-
-It has only quantities that a rig can know, each divided by a documented scale.
-"""
+"""The observation: only what a rig can know, over a documented scale."""
 
 from __future__ import annotations
 
@@ -40,9 +37,7 @@ the task; last action.  Those of a millisecond are in :data:`cutenv.task.reward.
 
 @dataclass(frozen=True, kw_only=True)
 class Component:
-    """One component of the observation.
-
-    (value - offset) / scale, value in ``unit``.
+    """One component of the observation: (value - offset) / scale, value in ``unit``.
 
     In its formulas ``total`` is what the milliseconds since the last decision add up to.
     """
@@ -120,10 +115,7 @@ OFFSETS = np.array([component.offset for component in COMPONENTS])
 
 @njit_internal
 def commanded_speed(action: T) -> T:
-    """Return the speed [m/s] of a speed action, -1 to 1.
-
-    It is 0 in the dead zone and linear beyond.
-    """
+    """Return the speed [m/s] of an action, 0 in the dead zone, then linear."""
     speed: T = SPEED_SCALE * ((action - np.minimum(np.maximum(action, -DEAD_ZONE), DEAD_ZONE)) / (1.0 - DEAD_ZONE))
     return speed
 
@@ -137,10 +129,7 @@ def speed_action(speed: T) -> T:
 
 @njit
 def within_reach(action: StructArray, fixed_angle: float) -> bool:
-    """Clip an action to [-1, 1]; return False for NaN.
-
-    A ``fixed_angle`` [rad] replaces the angle unless it is NaN.
-    """
+    """Clip an action to [-1, 1], set a fixed angle [rad] if any; return False for NaN."""
     for k in range(len(action)):
         if math.isnan(action[k]):
             return False
@@ -152,10 +141,7 @@ def within_reach(action: StructArray, fixed_angle: float) -> bool:
 
 @njit
 def all_within_reach(actions: StructArray, waiting: StructArray, fixed_angle: float) -> int:
-    """Clip actions, (n, 2) or more; return the first NaN, or -1.
-
-    Waiting cuts are left out; see :func:`within_reach`.
-    """
+    """Clip actions as :func:`within_reach`; return the first NaN of those not waiting, or -1."""
     numbers = actions.reshape(-1)
     missing = 0
     for k in range(len(numbers)):  # separate loops, so that they become vector instructions

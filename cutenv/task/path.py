@@ -73,12 +73,11 @@ from cutenv.task.episode import Episode, Goal, ShownPath, TaskOptions
 from cutenv.task.observation import SPEED_SCALE, Component, speed_action, to_action
 from cutenv.task.reward import with_weights
 
-TURN_SCALE = 1.5
-"""Rate of turn of action 1 [rad/s]: more than the sharpest bend of a line at full speed asks for."""
-LINE_AHEAD = (0.005, 0.010, 0.020)
-"""Distances ahead of the blade at which the line is observed [m]."""
+TURN_SCALE = 1.5  # rate of turn of action 1 [rad/s]: more than the sharpest bend of a line at full speed asks for
+LINE_AHEAD = (0.005, 0.010, 0.020)  # distances ahead of the blade at which the line is observed [m]
 _ASIDE, _DIRECTION, _BEND = 0.005, 0.5, 25.0  # scales
 
+# Components of the observation that follow the 12 of gentle cutting, in order.
 PATH_COMPONENTS = (
     Component(name="lateral", meaning="force on the blade to its right, now", unit="N", scale=5.0),
     Component(name="lateral_mean", meaning="its mean since the last decision", unit="N", scale=5.0),
@@ -105,16 +104,12 @@ PATH_COMPONENTS = (
     Component(name="bend_far", meaning="curvature there", unit="1/m", scale=_BEND),
     Component(name="last_turn", meaning="last action: turn", unit="1", scale=1.0),
 )
-"""Components of the observation that follow the 12 of gentle cutting, in order."""
 
 
 @with_weights(PATH_COSTS)
 @dataclass(frozen=True, kw_only=True)
 class PathConstants:
-    """Constants of the path.
-
-    Weights of its costs, limit of the distance, sensor of the lateral force.
-    """
+    """Weights of the path's costs, limit of the distance, sensor of the lateral force."""
 
     line_limit: float = parameter(
         LINE_LIMIT, unit="m", low=0.0005, high=0.03, provenance="choice",
@@ -131,6 +126,7 @@ class PathConstants:
         check_parameters(self)
 
 
+# Record of a cut's line, and of its distance to it so far, by which its path is assessed.
 PATH: np.dtype[Any] = np.dtype(
     (
         np.record,
@@ -149,11 +145,9 @@ PATH: np.dtype[Any] = np.dtype(
         ],
     )
 )
-"""Record of a cut's line, and of its distance to it so far, by which its path is assessed."""
 
 _FUSIFORM = KINDS.index("fusiform")
-GIVEN_LINE = MIXED_LINES + 1
-"""Number, after those of the kinds, of a line that is given."""
+GIVEN_LINE = MIXED_LINES + 1  # number, after those of the kinds, of a line that is given
 _KINDS = len(MIXED_KINDS)
 _EVERY = round(ESTIMATED_EVERY / TICK)
 _STEP = 0.0002  # [m] of line after which the expected crack turns, as in cutenv.sim.tissue.path_model
@@ -241,10 +235,9 @@ def breached(path: Struct) -> bool:
 
 @njit_inline
 def achieved(path: Struct, target: float) -> bool:
-    """Return True if the cut's distances are within the success's tolerances.
+    """Return True if mean and largest distance to the line are a success's.
 
-    They are the mean and the largest distance between cut and line.  The mean is that of the length that is left to cut
-    at the start.
+    The mean is that of the length that is left to cut at the start.
     """
     mean: float = path.distance / max(target - path.begun, SPACING)
     return mean <= LINE_TOLERANCE and path.farthest <= FARTHEST_TOLERANCE
@@ -267,10 +260,7 @@ def left_loaded(cuts: Cuts, c: Integer) -> tuple[float, float]:
 def fill_path(
     steering: Struct, position: float, forces: tuple[float, float, float], last_turn: float, observation: StructArray
 ) -> None:
-    """Fill path's components with lateral forces: now, mean and largest.
-
-    ``position`` is that of the blade on the line [m].
-    """
+    """Fill path's components at ``position`` [m] with lateral forces: now, mean and largest."""
     here = line_ahead(steering, position, 0.0)
     near, further = line_ahead(steering, position, LINE_AHEAD[0]), line_ahead(steering, position, LINE_AHEAD[1])
     far = line_ahead(steering, position, LINE_AHEAD[2])
@@ -301,10 +291,9 @@ def observe_start(cuts: Cuts, c: Integer, steering: Struct, observation: StructA
 
 @njit_internal
 def line_ahead(steering: Struct, position: float, ahead: float) -> tuple[float, float, float]:
-    """Return the line's offset left [m], sine and bend [1/m] ahead.
+    """Return the line's offset left [m], sine and bend [1/m] ``ahead`` [m] on.
 
-    Offset and sine are those to the blade's course.  The place is a distance ``ahead`` [m] along the line of a blade at
-    ``position``.
+    Offset and sine are those to the course of the blade at ``position``.
     """
     place = min(max(position + ahead, 0.0), LENGTH)
     i, share = grid_index(place)
@@ -438,10 +427,7 @@ def _follow_crack(steering: Struct, position: float, tip: float) -> None:
 
 @njit_internal
 def _offset(steering: Struct, position: float) -> tuple[float, float, CrackFrame]:
-    """Return the blade's offset from the tip [m], and stiffness.
-
-    The offset is along the settled crack and to its left.
-    """
+    """Return the blade's offset along and left of the settled crack [m], and stiffness."""
     east = (position - steering.settled) + (steering.east - steering.tip_east)
     north, e_x, e_y = steering.north - steering.tip_north, steering.tip_ahead, steering.tip_across
     i, share = grid_index(steering.settled)
@@ -491,13 +477,8 @@ def hide(cuts: Cuts, which: StructArray, hidden: Array) -> None:
     """Fill path's privileged features for the cuts ``which``."""
     for m in range(len(which)):
         n = which[m]
-        state, profile, task, steering, path = (
-            cuts.states[n],
-            cuts.profiles[n],
-            cuts.tasks[n],
-            cuts.motions[n],
-            cuts.wholes[n],
-        )
+        state, profile, task = cuts.states[n], cuts.profiles[n], cuts.tasks[n]
+        steering, path = cuts.motions[n], cuts.wholes[n]
         i, share = grid_index(state.tip)
         t_x, t_y = lerp(steering.cosine, i, share), lerp(steering.sine, i, share)
         along = lerp(profile.stiffness, i, share) * steering.per_stretch**2
@@ -552,9 +533,7 @@ PATH_TRUTH = (
         ),
     ),
     CutNumber(
-        name="aside_m",
-        meaning="distance of the tip to the left of the line",
-        value=lambda motion: motion.tip_aside,
+        name="aside_m", meaning="distance of the tip to the left of the line", value=lambda motion: motion.tip_aside
     ),
 )
 PATH_CUT = Task(
@@ -606,27 +585,15 @@ PATH_CUT = Task(
 """Gentle cutting along a drawn line."""
 
 
+# Length of line that a cut needs within the slab beyond its target, for the blade that leads the tip [m].
 ROOM = LEAST_LENGTH - LONGEST
-"""Length of line that a cut needs within the slab beyond its target, for the blade that leads the tip [m]."""
 
 
 class LineChoice:
-    """Choice of the line of every cut.
+    """Choice of the line of every cut: a kind of line, "mixed", or the line.
 
-    Parameters
-    ----------
-    line : str, CutLine, or array_like of shape (n, 2)
-        Kind of line, "mixed", or the line.
-
-    Attributes
-    ----------
-    kind : int
-        Number of the kind, MIXED_LINES, or GIVEN_LINE.
-
-    Raises
-    ------
-    ValueError
-        If there is no such kind, or the line turns back, bends too far or leaves the slab.
+    ``kind`` is the number of the kind, MIXED_LINES, or GIVEN_LINE.  ValueError if there is no such kind, or the line
+    turns back, bends too far or leaves the slab.
     """
 
     def __init__(self, line: str | CutLine | ArrayLike) -> None:
@@ -668,22 +635,13 @@ class LineChoice:
 class PathOptions(TaskOptions):
     """Options of cutting along a drawn line.
 
-    Parameters
-    ----------
-    keywords : dict
-        Keywords of the environment, of which these are removed: ``line``, and the fields of :class:`PathConstants` and
-        :class:`~cutenv.sim.cutting.steering.SteeringParameters`.
-
-    Attributes
-    ----------
-    line : LineChoice
-        The line to cut along.
+    From the keywords of the environment ``line``, and the fields of :class:`PathConstants` and
+    :class:`~cutenv.sim.cutting.steering.SteeringParameters` are removed.
     """
 
     names = ("line", *PathConstants.__dataclass_fields__, *SteeringParameters.__dataclass_fields__)
     task = PATH_CUT
-    usual: ClassVar[str] = "mixed"
-    """Kind of line where none is given."""
+    usual: ClassVar[str] = "mixed"  # kind of line where none is given
 
     def __init__(self, keywords: dict[str, Any]) -> None:
         super().__init__(keywords)
@@ -729,10 +687,7 @@ class PathOptions(TaskOptions):
 
 
 class PathEpisode(Episode):
-    """An episode along a drawn line.
-
-    Its cut is the true one, or that which a rig expects.
-    """
+    """An episode along a drawn line, with the true cut or the expected one."""
 
     options: PathOptions
     _before = (0.0, 0.0)
@@ -742,10 +697,7 @@ class PathEpisode(Episode):
         return channels, _ways_of(channels, self.plant.heading.now)
 
     def step(self, action: Array) -> tuple[Array32, float]:
-        """Command an action for one decision; return observation, (28,), and reward.
-
-        An action is 3 numbers in [-1, 1].
-        """
+        """Command 3 numbers in [-1, 1] for one decision; return observation, (28,), and reward."""
         if self.simulated:
             self._before = self.blade_place
         return super().step(action)
@@ -818,10 +770,7 @@ class PathEpisode(Episode):
 
     @property
     def aside_to_tip(self) -> Array:
-        """Cut's distance left of the line to the tip [m], (n,).
-
-        Since its last turn the crack has run straight on.
-        """
+        """Cut's distance left of the line, straight on since its turn, to the tip [m], (n,)."""
         steering, tip, passed = self.motion[0], self.tip, self.cut_distance
         more = np.arange(len(passed), int(tip / SPACING) + 1)
         if len(more) == 0:
@@ -843,9 +792,6 @@ def _ways_of(channels: dict[str, Array], heading: float) -> Array:
 
 
 def to_path_action(speed: float, angle: float, turn_rate: float) -> Array32:
-    """Return a clipped action, (3,), for speed, angle and turn rate.
-
-    They are in m/s, rad, and rad/s to the left.
-    """
+    """Return a clipped action, (3,), for speed [m/s], angle [rad], left turn [rad/s]."""
     turn = speed_action(turn_rate * (SPEED_SCALE / TURN_SCALE))
     return np.append(to_action(speed, angle), np.float32(np.clip(turn, -1.0, 1.0))).astype(np.float32)

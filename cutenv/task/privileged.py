@@ -1,7 +1,4 @@
-"""Privileged state for an asymmetric critic.
-
-The hidden state scaled to order 1; for training, never for a policy.
-"""
+"""Hidden state scaled to order 1, for an asymmetric critic, never a policy."""
 
 from __future__ import annotations
 
@@ -28,8 +25,7 @@ PRIVILEGED_FEATURES = (
     "R over 200 J/m2, 12 mm further",
 )
 """Names of the privileged features."""
-LAG = 1
-"""Number of the lag among them."""
+LAG = 1  # number of the lag among them
 _AHEAD = (0.0, 0.003, 0.006, 0.012)
 
 
@@ -41,10 +37,7 @@ def privileged_names(task: Task) -> tuple[str, ...]:
 def append_privileged(
     cuts: Cuts, task: Task, features: NDArray[np.float32], which: NDArray[np.int64]
 ) -> NDArray[np.float32]:
-    """Append privileged state of cuts ``which`` to features, (m, size + k).
-
-    The columns are those of :func:`privileged_names`, clipped as observations are.
-    """
+    """Append :func:`privileged_names` of cuts ``which``, clipped, to features, (m, size + k)."""
     seen = np.empty((len(features), features.shape[1] + len(PRIVILEGED_FEATURES)), np.float32)
     _append_privileged(cuts.states, cuts.profiles, cuts.laws, cuts.tasks, features, which, seen)
     if task.hide is None:

@@ -37,52 +37,33 @@ class ImportedField:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class RegisteredTask:
-    """One task, and all that the package knows of it.
+    """One task, and all that the package knows of it; the rest it lacks."""
 
-    What is left out, the task has not.
-    """
-
-    places: dict[str, Any] = field(default_factory=dict, init=False)
-    """Imported fields as they were given, by name."""
+    places: dict[str, Any] = field(default_factory=dict, init=False)  # imported fields as they were given, by name
     name: str
-    id: str
-    """Id of the environment."""
-    task: ImportedField = ImportedField()
-    """Declaration."""
-    single: ImportedField = ImportedField()
-    """Environment."""
-    vector: ImportedField = ImportedField()
-    """Vector environment."""
-    rig_id: str = ""
-    """Id of the environment on a rig."""
-    rig: ImportedField = ImportedField()
-    """That environment."""
-    along: str = ""
-    """Words for what the cuts follow, such as "along a drawn line"."""
-    line: bool = False
-    """True if they follow one of the drawn lines, and take the keyword ``line``."""
+    id: str  # id of the environment
+    task: ImportedField = ImportedField()  # declaration
+    single: ImportedField = ImportedField()  # environment
+    vector: ImportedField = ImportedField()  # vector environment
+    rig_id: str = ""  # id of the environment on a rig
+    rig: ImportedField = ImportedField()  # that environment
+    along: str = ""  # words for what the cuts follow, such as "along a drawn line"
+    line: bool = False  # True if they follow one of the drawn lines, and take the keyword ``line``
+    # Scores that tell how well they follow it: name, words, unit, and number of decimals.
     errors: tuple[tuple[str, str, str, int], ...] = ()
-    """Scores that tell how well they follow it: name, words, unit, and number of decimals."""
 
-    features: ImportedField = ImportedField()
-    """Class of what a learner is shown, such as :class:`cutenv.agents.policy.Features`."""
+    features: ImportedField = ImportedField()  # class of what a learner is shown, such as Features
     scripts: ImportedField = ImportedField()
     """Scripts that learners imitate, correct and are compared with: makers by name."""
-    script: str = ""
-    """Name of the one that is imitated or corrected by default."""
+    script: str = ""  # name of the one that is imitated or corrected by default
+    # Policies without a network that cut on a rig, as far as they are more than the scripts: makers by name.
     policies: ImportedField = ImportedField()
-    """Policies without a network that cut on a rig, as far as they are more than the scripts: makers by name."""
-    planner: ImportedField = ImportedField()
-    """Class of the planner with truth."""
-    options: Mapping[str, Any] = field(default_factory=dict)
-    """Options of PPO that differ from its defaults."""
-    infos: ImportedField = ImportedField()
-    """Infos of data sets besides those of gentle cutting, :class:`cutenv.agents.learning.demonstration.AddedInfos`."""
+    planner: ImportedField = ImportedField()  # class of the planner with truth
+    options: Mapping[str, Any] = field(default_factory=dict)  # options of PPO that differ from its defaults
+    infos: ImportedField = ImportedField()  # infos of data sets besides those of gentle cutting, AddedInfos
 
-    played: ImportedField = ImportedField()
-    """Class of a cut by a person in a window, a :class:`cutenv.people.play.played_cut.PlayedCut`."""
-    hand: ImportedField = ImportedField()
-    """Class of a cut by a person in a page, a :class:`cutenv.people.browser.stylus_steps.HandCut`."""
+    played: ImportedField = ImportedField()  # class of a cut by a person in a window, a PlayedCut
+    hand: ImportedField = ImportedField()  # class of a cut by a person in a page, a HandCut
 
     @property
     def privileged(self) -> tuple[str, ...]:
@@ -194,29 +175,17 @@ _SHIPPED = (
         "excision by hand and force", timesteps=9_000_000,
     ),
 )  # fmt: skip
-TASKS = {each.name: each for each in _SHIPPED}
-"""Tasks by name; :func:`cutenv.register` adds one."""
+TASKS = {each.name: each for each in _SHIPPED}  # tasks by name; register adds one
 
 
 def task_of(arguments: Mapping[str, Any]) -> tuple[RegisteredTask, dict[str, Any]]:
-    """Return the task that ``arguments["task"]`` names, and the other arguments.
-
-    It is "gentle" by default.
-
-    Raises
-    ------
-    ValueError
-        If there is no such task.
-    """
+    """Return the task that ``arguments["task"]`` names, "gentle" without, and other arguments."""
     own = dict(arguments)
     return TASKS[one_of("task", own.pop("task", "gentle"), tuple(TASKS))], own
 
 
 def task_made_as(environment: str) -> RegisteredTask:
-    """Return the task of an environment id, by default gentle cutting.
-
-    The default is for all others, such as those of its tracks.
-    """
+    """Return the task of an environment id, gentle cutting for its tracks and others."""
     return next((task for task in TASKS.values() if task.id == environment), TASKS["gentle"])
 
 

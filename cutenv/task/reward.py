@@ -256,11 +256,7 @@ CUT_ENDS = (
         text="blade has been within 10 mm of the target; then, unloaded, at rest for 0.3 s or drawn back 20 mm",
         when=lambda quiet, withdrawn: quiet >= TIME_AT_REST - 0.5 * TICK or withdrawn >= WITHDRAWN,
     ),
-    End(
-        name="deadline",
-        text="``deadline_s`` have passed",
-        when=lambda time, deadline: time >= deadline - 0.5 * TICK,
-    ),
+    End(name="deadline", text="``deadline_s`` have passed", when=lambda time, deadline: time >= deadline - 0.5 * TICK),
 )
 """Ends, of which the first that applies counts."""
 ENDS = ("", *(end.name for end in CUT_ENDS))

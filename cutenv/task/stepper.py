@@ -119,21 +119,11 @@ def step_one(task: Task) -> Callable[..., tuple[float, int]]:
         readings: StructArray,
         across: Array,
     ) -> tuple[float, int]:
-        """Step one cut by one decision; return its reward and end.
+        """Step one cut by one decision of ``ticks`` [ms]; return its reward and end.
 
         Its arguments are those of :class:`~cutenv.task.declare.OneCut`, one by one: a call from Python takes a
-        microsecond longer with tuples of arrays.
-
-        Parameters
-        ----------
-        cut, shared, episode : Records, shape (1,)
-            The cut; but for what is shared, changed in place.
-        ticks : int
-            Milliseconds until the next decision.
-        action, observation : array, shape (m,), (components,) float32
-            Action within [-1, 1]; observation, filled.
-        readings, across : Records and array, shape (1, ticks), (ticks,) or (0,)
-            Filled with the readings, and the force across the cut [N], true or as it is measured, if it is not empty.
+        microsecond longer with tuples of arrays.  The observation is filled, and, if they are not empty, ``readings``
+        and ``across``, (ticks,), with the force across the cut [N], true or as it is measured.
         """
         c, e = cut[0], episode[0]
         row, plain = first_row(c.rows), plain_views(c.rows, c.states, c.laws, c.drives)
@@ -162,31 +152,21 @@ def step_one(task: Task) -> Callable[..., tuple[float, int]]:
 class Decision(NamedTuple):
     """One decision for n cuts."""
 
-    ticks: int
-    """Milliseconds until the next one."""
-    waiting: StructArray
-    """Mask of cuts to skip because they have ended, array of bool, shape (n,)."""
-    actions: StructArray
-    """Actions within [-1, 1], shape (n, m)."""
-    observations: StructArray
-    """Filled, float32 of shape (n, components)."""
-    rewards: StructArray
-    """Filled, shape (n,)."""
-    ends: StructArray
-    """Filled with indices in :attr:`~cutenv.task.declare.Task.ends`, int64 of shape (n,)."""
-    infos: StructArray
-    """Filled, :data:`~cutenv.task.info.INFO` of shape (n,)."""
-    readings: StructArray
-    """Filled up to a cut's end, :data:`~cutenv.sim.cutting.dtypes.READING` of shape (n, ticks); (0, 0) for none."""
+    ticks: int  # milliseconds until the next one
+    waiting: StructArray  # mask of cuts to skip because they have ended, array of bool, shape (n,)
+    actions: StructArray  # actions within [-1, 1], shape (n, m)
+    observations: StructArray  # filled, float32 of shape (n, components)
+    rewards: StructArray  # filled, shape (n,)
+    ends: StructArray  # filled with indices in ends, int64 of shape (n,)
+    infos: StructArray  # filled, INFO of shape (n,)
+    readings: StructArray  # filled up to a cut's end, READING of shape (n, ticks); (0, 0) for none
 
 
 class Ahead(NamedTuple):
     """Cuts that are stepped next, whose records are prefetched meanwhile."""
 
-    records: tuple[StructArray, ...]
-    """Flat views of the records of all cuts, :func:`flat_views`."""
-    first: int
-    """Number of the first of them, and that after the last."""
+    records: tuple[StructArray, ...]  # flat views of the records of all cuts, flat_views
+    first: int  # number of the first of them, and that after the last
     last: int
 
 
@@ -197,16 +177,9 @@ def step_some(task: Task) -> Callable[..., None]:
     lanes_of_row, counts_of_row = task.motion.lanes(LANES), task.counts(LANES)
 
     def step_some(passed: WorkQueue, core: int, cuts: Cuts, decision: Decision) -> None:
-        """Step n cuts by one decision.
+        """Step n cuts by one decision, changing ``cuts`` and ``decision`` in place.
 
-        Parameters
-        ----------
-        passed, core : WorkQueue, int
-            Work queue and number of the thread, see :func:`cutenv._engine.parallel.parallel_for`.
-        cuts : Cuts
-            The cuts, changed in place.
-        decision : Decision
-            Actions, and what is filled.
+        ``passed`` and ``core`` are those of :func:`cutenv._engine.parallel.parallel_for`.
         """
         cuts, decision = without_refcount(cuts), without_refcount(decision)
         # One buffer for all rows: it stays in the first-level cache.
@@ -237,10 +210,7 @@ def step_row(task: Task) -> Callable[..., None]:
     fetch, total = task.fetch, terms(task) if task.costs else None
 
     def step_row(stepping: Stepping, span: tuple[int, int], decision: Decision, ahead: Ahead) -> None:
-        """Step at most a row of cuts in ``span``, see :func:`step_some`.
-
-        Records of the cuts that are ``ahead`` are prefetched meanwhile.
-        """
+        """Step at most a row of cuts in ``span``, prefetching those ``ahead``."""
         cuts, row, count, infos, ticks = stepping.cuts, stepping.row, stepping.count, decision.infos, decision.ticks
         taken: Integer = _NONE
         for n in range(span[0], span[1]):
@@ -354,10 +324,7 @@ def count_seen(task: Task) -> Callable[..., None]:
     sideways, felt_along = task.motion.force is not None, task.felt_along
 
     def count_seen(stepping: Stepping, k: Integer, position: float, speed: float) -> None:
-        """Count lane ``k``'s reading, estimating tip and runs from ``felt``.
-
-        ``position`` [m] and ``speed`` [m/s] are those of the motor.
-        """
+        """Count lane ``k``'s reading of the motor [m], [m/s], estimating tip and runs."""
         cuts, counts, c, felt = stepping.cuts, stepping.count, stepping.row.cut[k], stepping.row.felt[k]
         known, nominal = cuts.known[c], cuts.nominals[c]
         tick = round(counts.time[k] / TICK) + 1
@@ -454,21 +421,9 @@ def assess_readings(task: Task) -> Callable[..., tuple[float, int]]:
     ) -> tuple[float, int]:
         """Assess and observe readings, estimating tip, runs and whole cut.
 
-        Parameters
-        ----------
-        one : OneCut
-            The cut, as memory alone, and its episode, changed in place.
-        readings : Records, shape (n,)
-            :data:`~cutenv.sim.cutting.dtypes.READING`; those after an end do not count.
-        ways : array, shape (n, WAYS)
-            Further measurements at each reading, the force across the cut [N] last.
-        action, observation : array, shape (m,), (components,) float32
-            The step's action; the observation, filled.
-
-        Returns
-        -------
-        reward, end : float, int
-            The latter an index in :attr:`~cutenv.task.declare.Task.ends`.
+        The cut in ``one`` is memory alone.  Readings after an end do not count; ``ways``, (n, WAYS), are further
+        measurements at each, the force across the cut [N] last.  Fill the observation; return the reward, and the end
+        as an index in :attr:`~cutenv.task.declare.Task.ends`.
         """
         c, e = one.cut[0], one.episode[0]
         row, plain = first_row(c.rows), plain_views(c.rows, c.states, c.laws, c.drives)

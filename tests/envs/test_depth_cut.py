@@ -116,12 +116,9 @@ def test_success_asks_for_the_depth():
 
 def test_rows_have_the_depth_in_numbers():
     (row,) = evaluate({"it": Contestant(FollowDepth())}, [3], {"task": "depth"}, processes=1)
-    assert {
-        "mean_error_mm",
-        "too_deep_mm2",
-        "layer_mm",
-        *(f"reward_{cost.name}" for cost in DEPTH_CUT.costs),
-    } <= set(row)
+    assert {"mean_error_mm", "too_deep_mm2", "layer_mm", *(f"reward_{cost.name}" for cost in DEPTH_CUT.costs)} <= set(
+        row
+    )
 
 
 def test_a_cut_that_is_begun_is_as_deep_as_wanted():

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import copy
-import itertools
 import math
-import pickle
 
 import gymnasium
 import numpy as np
@@ -18,15 +15,7 @@ from whole_cut import cut, make, steady
 
 from cutenv.agents.policy import ConstantFeed
 from cutenv.agents.policy.interface import to_actions
-from cutenv.envs.depth_cut import DepthCutEnv
-from cutenv.envs.gentle_cut import GentleCutEnv
-from cutenv.envs.path_cut import PathCutEnv
-from cutenv.sim.tissue.specimen import CLASSES
 from cutenv.task.observation import DEAD_ZONE, commanded_speed, in_units, to_action
-
-NAMES = ("specimen_class", "angle_mode", "reward_from", "drive")
-MODES = list(itertools.product(CLASSES, ("free", "fixed"), ("truth", "estimate"), ("rig", "hand")))
-CHECKED = [(GentleCutEnv, dict(zip(NAMES, mode, strict=True))) for mode in MODES]
 
 
 def actions(count: int, seed: int = 0) -> np.ndarray:
@@ -54,15 +43,6 @@ def play(env, commands):
     return record
 
 
-@pytest.mark.parametrize(("environment", "keywords"), [*CHECKED, (DepthCutEnv, {}), (PathCutEnv, {})])
-@pytest.mark.filterwarnings("error")
-def test_both_checkers_pass_without_a_warning(environment, keywords):
-    env = environment(**keywords)
-    gymnasium_check(env, skip_render_check=True)
-    sb3_check(env)
-    env.close()
-
-
 @pytest.mark.parametrize("render_mode", ["rgb_array", None])
 @pytest.mark.filterwarnings("error")
 def test_the_checkers_pass_with_pictures_too(render_mode):
@@ -71,13 +51,6 @@ def test_the_checkers_pass_with_pictures_too(render_mode):
     sb3_check(env.unwrapped, skip_render_check=False)
     gymnasium_check(env.unwrapped)
     env.close()
-
-
-def test_a_checker_that_looks_sees_a_broken_environment():
-    env = make()
-    env.unwrapped.observation_space = gymnasium.spaces.Box(-1.0, 1.0, (11,), np.float32)
-    with pytest.raises(AssertionError):
-        sb3_check(env.unwrapped)
 
 
 @pytest.mark.parametrize("drive", ["rig", "hand"])
@@ -147,33 +120,6 @@ def test_the_spec_goes_through_json_and_makes_the_same_environment():
     assert identical([env.reset(seed=1), *play(env, commands)], [twin.reset(seed=1), *play(twin, commands)])
 
 
-@pytest.mark.parametrize("made_before", [True, False], ids=["before the first reset", "in mid-cut"])
-@pytest.mark.parametrize("duplicate", [lambda env: pickle.loads(pickle.dumps(env)), copy.deepcopy])
-def test_a_pickled_or_copied_environment_goes_on_exactly(duplicate, made_before):
-    env = make(deadline_s=6.0)
-    if not made_before:
-        env.reset(seed=2)
-        play(env, actions(450, seed=9))
-    twin = duplicate(env)
-    records = []
-    for each in (env, twin):
-        start = [each.reset(seed=2)] if made_before else []
-        records.append(start + play(each, actions(450)))
-    assert identical(*records)
-
-
-@pytest.mark.parametrize("action", [[np.nan, 0.0], [0.0, np.nan], [np.nan, np.nan]])
-@pytest.mark.parametrize("angle_mode", ["free", "fixed"])
-def test_a_nan_action_is_refused_by_name_and_changes_nothing(action, angle_mode):
-    env, untouched = make(angle_mode=angle_mode), make(angle_mode=angle_mode)
-    for each in (env, untouched):
-        each.reset(seed=0)
-        play(each, actions(50))
-    with pytest.raises(ValueError, match=r"action = .*nan.*NaN"):
-        env.step(np.array(action, np.float32))
-    assert identical(play(env, actions(5)), play(untouched, actions(5)))
-
-
 @pytest.mark.parametrize(
     ("action", "clipped"),
     [
@@ -218,14 +164,6 @@ def test_to_action_gives_the_action_that_commands_a_speed(speed):
         batch.step(command[None])
     assert env.unwrapped.cutting.readings["speed"][-1] == pytest.approx(speed, abs=1e-6)
     assert batch.unwrapped.cuts.states["speed"][0] == pytest.approx(speed, abs=1e-6)
-
-
-@pytest.mark.parametrize("action", [0.5, [0.5], [0.5, 0.5, 0.5], [[0.5, 0.5]], []])
-def test_an_action_of_the_wrong_shape_is_refused(action):
-    env = make().unwrapped
-    env.reset(seed=0)
-    with pytest.raises(ValueError, match=r"action .* must hold 2 numbers"):
-        env.step(np.array(action, np.float32))
 
 
 def test_no_step_before_a_reset_nor_after_the_end():

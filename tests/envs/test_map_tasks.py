@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
-import copy
 import functools
 import math
-import pickle
 
-import gymnasium
 import numpy as np
 import pytest
-from batches import both, run_both
 from map_tasks import SPECIMENS, cut, returns
 
 import cutenv  # noqa: F401
 from cutenv.agents.policy.depth_policies import FollowDepth, HoldDepth
 from cutenv.agents.policy.path_policies import BladeOnLine, SteerByForce
-from cutenv.envs import gentle_cut, vector
 from cutenv.envs.gentle_cut import GentleCutEnv
-from cutenv.envs.vector import CutBatch
-from cutenv.sim.tissue.lines import arc, half_ellipse
+from cutenv.sim.tissue.lines import arc
 from cutenv.task.observation import COMPONENTS
 from cutenv.task.registry import TASKS, task_of
 
 HONEST = {"path": SteerByForce, "depth": FollowDepth}
-every = pytest.mark.parametrize("task", HONEST)
 
 
 @pytest.mark.parametrize(
@@ -52,99 +45,6 @@ def test_with_nothing_added_it_is_gentle_cut_to_the_last_bit(task, keywords, sha
                 assert {name: found[group][name] for name in info[group]} == info[group]
         assert (found["end"], found["is_success"]) == (info["end"], info["is_success"])
         assert set(found[task].values()) == {0.0}
-
-
-@pytest.mark.parametrize(
-    ("task", "keywords"),
-    [
-        ("path", {}),
-        ("path", {"line": "excision", "start_before_target": 0.03}),
-        ("path", {"line": half_ellipse(), "control_hz": 40}),
-        ("depth", {"wanted": "mixed"}),
-        ("depth", {"wanted": "profile"}),
-    ],
-)
-def test_a_batch_is_bit_for_bit_single_cuts(task, keywords):
-    ended, _ = run_both(*both(id=TASKS[task].id, num_envs=3, deadline_s=6.0, **keywords), steps=320)
-    assert ended >= 3
-
-
-@every
-def test_the_docstring_has_the_declared_tables(task):
-    environment, declared = TASKS[task].single, TASKS[task].task
-    doc = " ".join((environment.__doc__ or "").split())
-    assert "{" not in doc
-    for number, one in enumerate(declared.components, start=len(COMPONENTS)):
-        assert f"{number} {one.name} {one.meaning} {one.unit} {round(one.scale, 4):g} 0" in doc
-    for cost in declared.costs:
-        assert f"{cost.name} {cost.weight:g} {cost.text}" in doc
-    for keyword in environment.options_class.names:
-        assert f"``{keyword}``" in doc or f" {keyword} " in doc, keyword
-
-
-@every
-def test_return_is_the_sum_of_the_terms_since_reset(task):
-    env, rng, total, ended = TASKS[task].single(), np.random.default_rng(0), 0.0, False
-    env.reset(seed=5)
-    while not ended:
-        action = np.array([0.6, 0.0, rng.uniform(-0.3, 0.3)], np.float32)
-        _, reward, ended, _, info = env.step(action)
-        total += reward
-        assert sum(info["reward_terms"].values()) == pytest.approx(reward, abs=1e-12)
-        assert abs(info["energy"]["residual"]) <= 1e-12 * max(info["energy"]["work"], 1e-3)
-    assert tuple(info["reward_terms"]) == TASKS[task].task.all_terms
-    assert sum(env.cutting.reward_totals.values()) == pytest.approx(total, abs=1e-9)
-
-
-@every
-@pytest.mark.parametrize("action", [[0.0, 0.0], [0.0, 0.0, math.nan], [[0.0, 0.0, 0.0]]])
-def test_bad_actions_are_refused(task, action):
-    env = TASKS[task].single()
-    names = ", ".join(env.task.action_names)
-    env.reset(seed=0)
-    with pytest.raises(ValueError, match=names):
-        env.step(np.array(action, np.float32))
-    batch = CutBatch(1, env)
-    batch.give_seeds([0], np.arange(1), np.random.default_rng())
-    batch.begin(np.arange(1))
-    with pytest.raises(ValueError, match="speed, angle"):
-        batch.decide(np.array([action], np.float32))
-
-
-@every
-@pytest.mark.parametrize("duplicate", [lambda env: pickle.loads(pickle.dumps(env)), copy.deepcopy])
-def test_a_copied_cut_goes_on_as_the_same_task(task, duplicate):
-    """A copy of the declaration would have its kernels made again, and its formulas cannot be pickled."""
-    env = TASKS[task].single()
-    env.reset(seed=1)
-    env.step(np.array([0.5, 1.0, 0.1], np.float32))
-    twin = duplicate(env)
-    assert twin.task is env.task
-    assert twin.cutting.task is env.cutting.task
-    assert twin.plant.motion is env.plant.motion
-    for each in (env, twin):
-        each.step(np.array([0.5, 1.0, -0.1], np.float32))
-    assert twin.cutting.record.tobytes() == env.cutting.record.tobytes()
-
-
-@every
-def test_notice_of_compiling_looks_for_the_kernels_of_the_task(task, monkeypatch):
-    """It would else be printed at every start by those who use this task alone."""
-    asked: list[tuple[str, str]] = []
-    declared = f"cutenv.task.{task}"
-    for module in (gentle_cut, vector):
-        monkeypatch.setattr(
-            module,
-            "warn_before_first_compile",
-            lambda *kernels: asked.append((kernels[0].__name__, kernels[0].__module__)),
-        )
-    alone = TASKS[task].single()
-    alone.reset(seed=0)
-    asked_before = [*asked]
-    alone.step(np.zeros(len(alone.task.action_names), np.float32))
-    gymnasium.make_vec(TASKS[task].id, num_envs=1)
-    assert asked_before == [("begin_one", declared)]  # nothing of a step: a planner is shown starts alone
-    assert asked[1:] == [("step_one", declared), ("step_some", declared)]
 
 
 def tricked(honest, trick):
@@ -232,10 +132,7 @@ def test_no_trick_of_the_third_axis_pays(task, trick):
     assert gained.mean() + 1.96 * gained.std() / math.sqrt(len(gained)) < 0.0
 
 
-@pytest.mark.parametrize(
-    ("task", "simple", "rounds"),
-    [("depth", HoldDepth, 4), ("path", BladeOnLine, 2)],
-)
+@pytest.mark.parametrize(("task", "simple", "rounds"), [("depth", HoldDepth, 4), ("path", BladeOnLine, 2)])
 def test_the_script_beats_the_simple_one_and_the_planner_beats_both(task, simple, rounds):
     gained = honest(task) - returns(task, simple())
     assert gained.mean() - 1.96 * gained.std() / math.sqrt(len(gained)) > 0.0

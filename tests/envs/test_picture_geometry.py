@@ -19,7 +19,7 @@ from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.sim.cutting.dtypes import READING
 from cutenv.sim.tissue.cut_model import CutModel
 from cutenv.sim.tissue.grid import depth_below
-from cutenv.task.reward import ENDS, TERMS
+from cutenv.task.reward import ENDS
 
 LAYOUT = Layout()
 
@@ -79,11 +79,6 @@ def check_carries_the_tip(slab: Slab, displacement: NDArray[np.float64], tip: fl
 @pytest.mark.parametrize("tip", [0.02, 0.05, 0.0537, 0.1])
 def test_the_slab_is_carried_by_its_tip(slab: Slab, tip: float) -> None:
     check_carries_the_tip(slab, slab.displacement(tip, 0.006), tip, 0.006)
-
-
-def test_a_slab_displaced_for_another_tip_is_noticed(slab: Slab) -> None:
-    with pytest.raises(AssertionError):
-        check_carries_the_tip(slab, slab.displacement(0.07, 0.006), 0.05, 0.006)
 
 
 def test_the_lattice_moves_as_the_nodes_of_the_finite_element_model(slab: Slab) -> None:
@@ -148,8 +143,12 @@ def test_an_element_of_any_kind_can_be_drawn() -> None:
 # The blade
 
 
-def check_edge(outline: NDArray[np.float64], blade: float, angle: float, depth: float) -> None:
+@pytest.mark.parametrize("degrees", [45.0, 60.0, 90.0])
+@pytest.mark.parametrize("depth", [0.004, 0.018])
+def test_the_edge_leans_at_its_angle_through_its_place_at_the_surface(degrees: float, depth: float) -> None:
     """The edge is straight and as inclined as the blade above its belly, and cuts the surface at the blade's place."""
+    angle = math.radians(degrees)
+    outline, blade = places("blade", angle=angle, depth=depth), 0.06
     edge = outline[: len(blade_edge())].copy()
     edge[-1] += edge[-1] - edge[-2]  # prolonged beyond where the blade narrows
     assert edge[:, 1].min() == pytest.approx(0.0, abs=1e-5)  # between two points of the belly
@@ -157,18 +156,6 @@ def check_edge(outline: NDArray[np.float64], blade: float, angle: float, depth: 
     assert math.atan2(top - height, above - along) == pytest.approx(angle, abs=1e-9)
     lowest = int(edge[:, 1].argmin())
     assert np.interp(depth, edge[lowest:, 1], edge[lowest:, 0]) == pytest.approx(blade, abs=1e-5)
-
-
-@pytest.mark.parametrize("degrees", [45.0, 60.0, 90.0])
-@pytest.mark.parametrize("depth", [0.004, 0.018])
-def test_the_edge_leans_at_its_angle_through_its_place_at_the_surface(degrees: float, depth: float) -> None:
-    angle = math.radians(degrees)
-    check_edge(places("blade", angle=angle, depth=depth), 0.06, angle, depth)
-
-
-def test_an_edge_at_another_angle_is_noticed() -> None:
-    with pytest.raises(AssertionError):
-        check_edge(places("blade", angle=math.radians(80)), 0.06, math.radians(90), 0.018)
 
 
 def test_the_cut_front_stands_at_the_tip_and_leaves_the_wedge() -> None:
@@ -183,21 +170,6 @@ def test_from_above_only_an_inclined_blade_stands_out_over_uncut_tissue() -> Non
         values = {"angle": math.radians(degrees), "depth": 0.01}
         assert places("blade from above", **values)[:, 1].max() == pytest.approx(0.06)
         assert bool(places("blade above the tissue", **values)[:, 1].max() > 0.061) is ahead
-
-
-def test_the_hand_pulls_by_a_spring_at_the_handle() -> None:
-    spring, hand = places("spring", hand=0.065), places("hand", hand=0.065)
-    assert spring[-1].tolist() == pytest.approx(hand[0].tolist())
-    assert hand[0, 0] - spring[0, 0] == pytest.approx(0.005)
-
-
-def test_places_of_the_lattice_are_carried_with_it(slab: Slab) -> None:
-    displacement, tip = slab.displacement(0.05, 0.004), 0.05
-    opened = slab.opened(slab.rest + displacement, tip)
-    for side, sign in ((0, -1.0), (1, 1.0)):
-        at_rest = slab.rest[side].reshape(-1, 2)
-        drawn = slab.carried(displacement, tip, np.full(len(at_rest), sign), at_rest)
-        assert np.abs(drawn - opened[side].reshape(-1, 2)).max() < 1e-15
 
 
 @pytest.mark.parametrize("text", ["blade ** 2", "[blade]", "blade if tip else 0", "'blade'", "__import__('os').name"])
@@ -275,13 +247,6 @@ def test_a_moment_tells_what_the_rig_and_the_truth_know(env: GentleCutEnv) -> No
     assert depth_below(moment.depth, moment.blade) == pytest.approx(env.specimen.tissue.mean_depth)
 
 
-def test_the_terms_shown_add_up_to_the_return(env: GentleCutEnv) -> None:
-    rewards = [env.step(np.array([0.6, 0.5], np.float32))[1] for _ in range(100)]
-    totals = Moment.of(env.plant, env.cutting).totals
-    assert list(totals) == list(TERMS)
-    assert sum(totals.values()) == pytest.approx(sum(rewards), abs=1e-12)
-
-
 @pytest.mark.parametrize("end", ENDS)
 @pytest.mark.parametrize("success", [False, True])
 def test_every_end_is_put_in_words(env: GentleCutEnv, end: str, success: bool) -> None:
@@ -307,31 +272,18 @@ DICHROMATS = {
 }
 
 
-def check_told_apart(first: tuple[int, int, int], second: tuple[int, int, int], sight: str) -> None:
+@pytest.mark.parametrize("sight", DICHROMATS)
+@pytest.mark.parametrize(
+    "pair", [("GAIN", "LOSS"), ("SUCCESS", "FAILURE"), ("TARGET", "LIMIT"), ("TARGET", "FORCE"), ("LIMIT", "FORCE")]
+)
+def test_colours_that_mean_something_are_told_apart_without_red_or_green(pair: tuple[str, str], sight: str) -> None:
     """Two colours differ for a dichromat: by 30 in CIE L*a*b*, where 2 is just noticed."""
+    first, second = getattr(palette, pair[0]), getattr(palette, pair[1])
     rgb = (np.array([first, second]) / 255) ** 2.2 @ DICHROMATS[sight].T
     to_xyz = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
     x, y, z = np.cbrt((np.clip(rgb, 0, 1) @ to_xyz.T) / [0.9505, 1.0, 1.089]).T
     lab = np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=-1)
     assert np.linalg.norm(lab[0] - lab[1]) > 30
-
-
-@pytest.mark.parametrize("sight", DICHROMATS)
-@pytest.mark.parametrize(
-    "pair",
-    [("GAIN", "LOSS"), ("SUCCESS", "FAILURE"), ("TARGET", "LIMIT"), ("TARGET", "FORCE"), ("LIMIT", "FORCE")],
-)
-def test_colours_that_mean_something_are_told_apart_without_red_or_green(pair: tuple[str, str], sight: str) -> None:
-    check_told_apart(getattr(palette, pair[0]), getattr(palette, pair[1]), sight)
-
-
-def test_a_red_and_a_green_are_not_told_apart_so_the_check_can_fail() -> None:
-    with pytest.raises(AssertionError):
-        check_told_apart((214, 80, 40), (100, 140, 40), "deuteranopia")
-
-
-def test_the_tissue_darkens_steadily_with_displacement() -> None:
-    assert np.all(np.diff(np.array(palette.TISSUE).sum(axis=1)) < 0)
 
 
 def test_a_blade_that_descends_is_drawn_as_deep_as_it_is() -> None:

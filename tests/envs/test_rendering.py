@@ -75,16 +75,6 @@ def test_the_same_moment_gives_the_same_picture(env: GentleCutEnv) -> None:
     assert np.array_equal(picture_of(env), picture_of(env))
 
 
-def test_two_seeded_environments_draw_the_same() -> None:
-    pictures = []
-    for _ in range(2):
-        env = GentleCutEnv(render_mode="rgb_array")
-        env.reset(seed=11)
-        advance(env, 60)
-        pictures.append(picture_of(env))
-    assert np.array_equal(*pictures)
-
-
 @pytest.mark.parametrize("part", [VIEWS_FROM_ABOVE, VIEW_FROM_THE_SIDE, CHART], ids=["above", "side", "chart"])
 def test_every_view_changes_as_the_cut_advances(env: GentleCutEnv, part: tuple[slice, slice]) -> None:
     before = picture_of(env)
@@ -114,21 +104,6 @@ def test_the_force_of_every_step_is_drawn_however_rarely_a_picture_is_asked_for(
     picture_of(env)
     drawn = env._viewer._trace.whole()[:, 1]
     assert {force.min() for force in felt} | {force.max() for force in felt} <= set(drawn)
-
-
-def test_pictures_between_do_not_change_the_last_trace() -> None:
-    traces = []
-    for every in (1, 150):
-        env = GentleCutEnv(render_mode="rgb_array", specimen_class="uniform", target_length=0.08)
-        env.reset(seed=3)
-        for step in range(150):
-            advance(env, 1)
-            if (step + 1) % every == 0:
-                env.render()
-        traces.append(env._viewer._trace.whole())
-    often, rarely = traces
-    assert np.allclose(np.interp(rarely[:, 0], *often.T), rarely[:, 1], atol=0.2)
-    assert (often[:, 1].max(), often[:, 1].min()) == (rarely[:, 1].max(), rarely[:, 1].min())
 
 
 def test_the_last_term_of_the_reward_stands_clear_of_the_legend(env: GentleCutEnv) -> None:
@@ -162,17 +137,6 @@ def test_drawing_does_not_change_the_cut() -> None:
                 env.render()
         ends.append(observation)
     assert np.array_equal(*ends)
-
-
-def test_the_chart_of_a_large_force_is_drawn(env: GentleCutEnv, monkeypatch: pytest.MonkeyPatch) -> None:
-    advance(env, 20)
-    before = picture_of(env)
-    assert env.cutting.readings is not None
-    readings = env.cutting.readings.copy()
-    readings["time"] += 1.0
-    readings["force"] = 35.0
-    monkeypatch.setattr(type(env.cutting), "readings", readings)
-    check_differs(before, picture_of(env), CHART)
 
 
 # Display and window
@@ -246,43 +210,24 @@ def test_a_missing_pygame_names_the_command_that_installs_it(monkeypatch: pytest
 # Where things stand
 
 
-def check_target_at(picture: Picture, along: float) -> None:
-    """The target line crosses the uncut slab, the view from the side and the chart at ``along``."""
-    column = round(LAYOUT.along(along))
+@pytest.mark.parametrize("length", [0.06, 0.0733, 0.1])
+def test_the_target_line_stands_where_the_geometry_says(env: GentleCutEnv, length: float) -> None:
+    """The target line crosses the uncut slab, the view from the side and the chart at ``length``."""
+    env.reset(seed=0, options={"target_length": length})
+    picture = picture_of(env)
+    column = round(LAYOUT.along(length))
     for row in (150, LAYOUT.blade_end - 78, LAYOUT.chart_top + 40):
         found = picture[round(row), column - 1 : column + 1].astype(int)
         assert np.abs(found - palette.TARGET).sum(axis=-1).min() < 60, f"row {row}: {found.tolist()}"
 
 
-@pytest.mark.parametrize("length", [0.06, 0.0733, 0.1])
-def test_the_target_line_stands_where_the_geometry_says(env: GentleCutEnv, length: float) -> None:
-    env.reset(seed=0, options={"target_length": length})
-    check_target_at(picture_of(env), length)
-
-
-@pytest.mark.parametrize("error", [-0.001, 0.001])
-def test_a_target_line_a_millimetre_away_is_noticed(env: GentleCutEnv, error: float) -> None:
-    env.reset(seed=0, options={"target_length": 0.08})
-    with pytest.raises(AssertionError):
-        check_target_at(picture_of(env), 0.08 + error)
-
-
-def check_tolerance_at(picture: Picture, edge: float) -> None:
-    """The band of the tolerance ends at ``edge`` in the chart: tinted to the left, not to the right."""
-    column, row = LAYOUT.along(edge), round(LAYOUT.chart_top + 30)
+def test_the_tolerance_ends_three_millimetres_beyond_the_target(env: GentleCutEnv) -> None:
+    """The band of the tolerance ends there in the chart: tinted to the left, not to the right."""
+    picture = picture_of(env)
+    column, row = LAYOUT.along(0.083), round(LAYOUT.chart_top + 30)
     inside, outside = picture[row, round(column) - 3], picture[row, round(column) + 3]
     assert outside.tolist() == list(palette.PANEL)
     assert inside.tolist() != list(palette.PANEL)
-
-
-def test_the_tolerance_ends_three_millimetres_beyond_the_target(env: GentleCutEnv) -> None:
-    check_tolerance_at(picture_of(env), 0.083)
-
-
-@pytest.mark.parametrize("edge", [0.082, 0.084])
-def test_a_tolerance_of_another_width_is_noticed(env: GentleCutEnv, edge: float) -> None:
-    with pytest.raises(AssertionError):
-        check_tolerance_at(picture_of(env), edge)
 
 
 @pytest.mark.parametrize(("end", "colour"), [("finished", palette.SUCCESS), ("overshoot", palette.FAILURE)])

@@ -6,13 +6,11 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
-from gymnasium.wrappers import TimeAwareObservation
 
 import cutenv
 
-IDS = sorted(name for name in gymnasium.registry if name.startswith("cutenv/"))
 ENVIRONMENT = "cutenv/GentleCut-v1"
-assert ENVIRONMENT in IDS, cutenv.__name__
+assert ENVIRONMENT in gymnasium.registry, cutenv.__name__
 
 
 def steps_of_idle_cut(env: gymnasium.Env) -> tuple[int, bool, bool, str]:
@@ -23,15 +21,6 @@ def steps_of_idle_cut(env: gymnasium.Env) -> tuple[int, bool, bool, str]:
         _, _, ended, truncated, info = env.step(idle)
         steps += 1
     return steps, ended, truncated, info.get("end", "")
-
-
-@pytest.mark.parametrize("environment", IDS)
-def test_the_spec_of_every_environment_tells_the_decisions_of_its_cut(environment):
-    with_rig = {"rig": "fake"} if "Rig" in environment else {}
-    env = gymnasium.make(environment, **with_rig)
-    decisions = round(30.0 * env.unwrapped.metadata["render_fps"])
-    assert env.spec.max_episode_steps == env.unwrapped.spec.max_episode_steps == decisions
-    env.close()
 
 
 @pytest.mark.parametrize(
@@ -55,13 +44,6 @@ def test_a_shorter_limit_that_is_asked_for_truncates():
     env = gymnasium.make(ENVIRONMENT, max_episode_steps=20)
     assert env.spec.max_episode_steps == 20
     assert steps_of_idle_cut(env) == (20, False, True, "")
-
-
-def test_wrappers_that_need_the_number_take_it():
-    env = TimeAwareObservation(gymnasium.make(ENVIRONMENT, control_hz=10), normalize_time=True)
-    env.reset(seed=0)
-    shown = env.step(np.zeros(2, np.float32))[0]
-    assert shown[-1] == pytest.approx(1 / 300)
 
 
 def test_a_batch_tells_it_is_made_again_from_its_spec_and_refuses_to_be_cut_short():

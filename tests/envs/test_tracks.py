@@ -5,9 +5,6 @@ from __future__ import annotations
 import gymnasium
 import numpy as np
 import pytest
-from batches import both, run_both
-from gymnasium.utils.env_checker import check_env
-from gymnasium.vector import AutoresetMode
 from whole_cut import ENVIRONMENT
 
 from cutenv.envs.tracks import PROTOCOL, GentleCutRawEnv, SafeCutEnv
@@ -20,12 +17,6 @@ HIDDEN = len(PRIVILEGED_FEATURES)
 def actions(decisions: int, count: int) -> np.ndarray:
     """Return commands that mostly cut on, so that cuts end and others begin."""
     return np.random.default_rng(5).uniform((-0.2, -1.0), (1.2, 1.0), (decisions, count, 2)).astype(np.float32)
-
-
-@pytest.mark.parametrize(("track", "keywords"), TRACKS)
-@pytest.mark.filterwarnings("error")
-def test_gymnasiums_checker_passes_without_a_warning(track, keywords):
-    check_env(gymnasium.make(track, **keywords).unwrapped, skip_render_check=True)
 
 
 @pytest.mark.parametrize(("track", "keywords"), TRACKS)
@@ -42,13 +33,6 @@ def test_it_cuts_as_the_task_does_with_the_settings_of_the_protocol(track, keywo
         if ended:
             break
     assert ended
-
-
-@pytest.mark.parametrize(("track", "mode"), zip(TRACKS, AutoresetMode, strict=True))
-def test_a_batch_is_bit_for_bit_single_ones_over_episodes(track, mode):
-    track, keywords = track
-    ended, _ = run_both(*both(mode, 3, track, **keywords), steps=200)
-    assert ended >= 3
 
 
 def test_the_fully_observed_twin_shows_the_way_from_the_tip_to_the_target():

@@ -2,46 +2,11 @@
 
 from __future__ import annotations
 
-import itertools
-
-import gymnasium
 import numpy as np
 import pytest
-from gymnasium.wrappers import FrameStackObservation, RecordEpisodeStatistics
 from whole_cut import cut, make
 
 from cutenv.agents.policy import ConstantFeed, NoAction
-
-CUTTING = np.float32([0.8, 1.0])
-
-
-def test_episode_statistics_are_recorded():
-    env = RecordEpisodeStatistics(make())
-    total = 0.0
-    env.reset(seed=0)
-    ended, steps = False, 0
-    while not ended:
-        _, reward, ended, _, info = env.step(CUTTING)
-        total, steps = total + reward, steps + 1
-    assert info["episode"]["r"] == pytest.approx(total)
-    assert info["episode"]["l"] == steps
-
-
-def test_observations_are_stacked():
-    env = FrameStackObservation(make(), 4)
-    first = env.reset(seed=0)[0]
-    assert first.shape == (4, 12)
-    stacked = [env.step(CUTTING)[0] for _ in range(6)]
-    for earlier, later in itertools.pairwise(stacked):
-        np.testing.assert_array_equal(earlier[1:], later[:-1])
-    assert env.observation_space.contains(stacked[-1])
-
-
-def test_a_rescaled_action_and_a_time_limit_wrap_without_surprise():
-    env = gymnasium.wrappers.RescaleAction(gymnasium.wrappers.TimeLimit(make(), 10), np.float32(0.0), np.float32(1.0))
-    env.reset(seed=0)
-    results = [env.step(np.float32([0.9, 1.0])) for _ in range(10)]
-    assert [entry[3] for entry in results] == [False] * 9 + [True]
 
 
 @pytest.mark.filterwarnings("error::UserWarning:gymnasium")

@@ -12,14 +12,15 @@ import numpy as np
 from cutenv._base.arrays import Array
 from cutenv.records.scoring.validity import Unavailable
 from cutenv.sim.quantities import (
+    DEPTH_COSTS,
     DEPTH_TOLERANCE,
     FARTHEST_TOLERANCE,
     LAYER_TOLERANCE,
     LINE_TOLERANCE,
-    depth_cost,
+    PATH_COSTS,
     into_layer,
     left_uncut,
-    path_cost,
+    map_cost,
     too_deep,
 )
 from cutenv.sim.tissue.grid import SPACING
@@ -107,14 +108,15 @@ class DepthMap(CutMap):
 
     def cost(self, target_length: float) -> float:
         """Return the task's charge for depth, by target length [m]. A missing layer adds nothing."""
-        return depth_cost(
+        return map_cost(
+            DEPTH_COSTS,
             {
                 "deep": self.deep,
                 "uncut": self.uncut,
                 "layer": 0.0 if self.layer is None else SPACING * float(self.opened.sum()),
                 "deepest": self.deepest_opened,
                 "target": target_length,
-            }
+            },
         )
 
     def words(self, target_length: float) -> str:
@@ -179,7 +181,7 @@ class PathMap(CutMap):
 
     def cost(self, target_length: float) -> float:
         """Return the task's charge for the path, by target length [m]."""
-        return path_cost({"area": self.area, "farthest": self.farthest, "target": target_length})
+        return map_cost(PATH_COSTS, {"area": self.area, "farthest": self.farthest, "target": target_length})
 
     def words(self, target_length: float) -> str:
         """Return mean and largest distance in words."""

@@ -54,10 +54,8 @@ from cutenv.sim.tissue.layers import Layers, layered_depth, summed_toughness
 from cutenv.sim.tissue.slab import SLAB, at_depth, cut_through_along
 from cutenv.sim.tissue.specimen import NOMINAL, Specimen, nominal_tissue
 
-LEAST_DEPTH = 5e-4
-"""Depth [m] to which the blade stays engaged, however far it is raised."""
-LOWEST, HIGHEST = -0.025, 0.025
-"""Ends of the blade's vertical travel [m]."""
+LEAST_DEPTH = 5e-4  # depth [m] to which the blade stays engaged, however far it is raised
+LOWEST, HIGHEST = -0.025, 0.025  # ends of the blade's vertical travel [m]
 _LEAST_CHANGE = 1e-6  # of the level engaged, from which the stiffness's rise with depth is taken [m]
 _ASIDE = 0.25e-3  # depths on either side from which the stiffness's rise with depth is taken [m]
 

@@ -26,10 +26,7 @@ from cutenv.sim.cutting.friction import Grip
 
 @dataclass(frozen=True, kw_only=True)
 class Rig:
-    """Motor and lead screw far stiffer than tissue (thesis 3.3.1).
-
-    Position does not yield to force.
-    """
+    """Motor and lead screw, whose position does not yield to force (thesis 3.3.1)."""
 
     motor_lag: float = parameter(
         0.040, unit="s", low=0.001, high=1.0, provenance="assumed",
@@ -70,10 +67,7 @@ class Rig:
 
 @dataclass(frozen=True, kw_only=True)
 class Hand:
-    """Person's hand that leads the blade by spring and damper.
-
-    So a sudden drop of force makes the blade lurch.
-    """
+    """Person's hand that leads the blade by spring and damper, and lurches."""
 
     motor_lag: float = parameter(
         0.080, unit="s", low=0.001, high=1.0, provenance="assumed",
@@ -185,7 +179,6 @@ class PDRig:
 
 
 Drive = Rig | PDRig | Hand
-"""Any of them."""
 DRIVES: Mapping[str, type[Rig] | type[PDRig] | type[Hand]] = MappingProxyType({"rig": Rig, "pd": PDRig, "hand": Hand})
 """Drives by the names that an environment's keyword ``drive`` takes."""
 
@@ -210,11 +203,9 @@ def lag_gain(drive: Struct, dt: float) -> float:
 def dead_time_step(
     command: float, dead_ticks: int, next_target: float, waiting: int, target: float
 ) -> tuple[float, int, float]:
-    """Advance the dead time by one tick.
+    """Advance a dead time, shorter than a command, by one tick.
 
     Return (pending command, ticks left, active command), speeds in [m/s].
-
-    A command must last longer than the dead time.
     """
     if command != next_target:
         next_target = command
@@ -238,12 +229,9 @@ def delayed_command(state: Struct, drive: Struct, target: float) -> float:
 class VelocityLoop(NamedTuple):
     """First-order lag with an acceleration limit and end stops."""
 
-    gain: float
-    """Gain in an update, :func:`lag_gain`."""
-    acceleration: float
-    """Limit [m/s2]."""
-    travel: float
-    """The carriage stays within 0 to this [m]."""
+    gain: float  # gain in an update, lag_gain
+    acceleration: float  # limit [m/s2]
+    travel: float  # the carriage stays within 0 to this [m]
 
 
 @njit_inline

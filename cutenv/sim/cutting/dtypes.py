@@ -19,8 +19,7 @@ from cutenv.sim.tissue.crack_tip import PRESLIDING
 from cutenv.sim.tissue.effective_modulus import end_of_fall
 from cutenv.sim.tissue.specimen import N_POINTS, Specimen
 
-TICK = 1e-3
-"""Duration of one force update [s] (1 kHz)."""
+TICK = 1e-3  # duration of one force update [s] (1 kHz)
 
 
 def _struct(*fields: tuple[str, str] | tuple[str, str, tuple[int, ...]]) -> np.dtype[Any]:

@@ -26,14 +26,10 @@ _LEAST = 1e-9  # of the presliding length: a smaller deflection across is none, 
 class Grip(NamedTuple):
     """Friction linearised as spring and slider, for a hand's blade."""
 
-    held: float
-    """Force of the bristles now [N], against forward motion."""
-    limit: float
-    """Force at which they slip [N]."""
-    stiffness: float
-    """Stiffness until they slip [N/m]."""
-    damping: float
-    """Force per speed of the part that grows with speed [N s/m]."""
+    held: float  # force of the bristles now [N], against forward motion
+    limit: float  # force at which they slip [N]
+    stiffness: float  # stiffness until they slip [N/m]
+    damping: float  # force per speed of the part that grows with speed [N s/m]
 
 
 @njit_inline

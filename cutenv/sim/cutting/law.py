@@ -26,8 +26,7 @@ from cutenv._engine.elementary import cotangent
 from cutenv._engine.jit import njit, njit_inline, njit_internal
 from cutenv.sim.tissue.specimen import N_POINTS, POINTS_PER_METRE
 
-LONGEST_ADVANCE = 1e-4
-"""Stable growth [m] that is integrated in one piece: over it R B is taken to change linearly."""
+LONGEST_ADVANCE = 1e-4  # stable growth [m] that is integrated in one piece: over it R B is taken to change linearly
 _MOST_PARTS = 1024  # limit on the parts of a longer one: even across the whole specimen, each stays below 0.15 mm
 _SOFTEST = 0.1  # share of K: if force hardly falls with growth, the tip would have to leap; loading is then elastic
 
@@ -35,44 +34,30 @@ _SOFTEST = 0.1  # share of K: if force hardly falls with growth, the tip would h
 class Loading(NamedTuple):
     """Motion of a blade that loads the tissue."""
 
-    x: float
-    """Position of the blade at its end [m]."""
-    length: float
-    """Length of the motion [m]."""
-    speed: float
-    """Speed of the blade [m/s]."""
-    angle: float
-    """Angle of the blade [rad]."""
+    x: float  # position of the blade at its end [m]
+    length: float  # length of the motion [m]
+    speed: float  # speed of the blade [m/s]
+    angle: float  # angle of the blade [rad]
 
 
 class Loaded(NamedTuple):
     """Crack tip and tissue before a step of loading."""
 
-    a: float
-    """Tip [m]."""
-    F: float
-    """Elastic force [N]."""
-    U: float
-    """Stored energy [J]."""
-    K: float
-    """Stiffness at the tip [N/m]."""
-    toughness: float
-    """R B there [N]."""
-    ledger: float
-    """Ledger [J]."""
+    a: float  # tip [m]
+    F: float  # elastic force [N]
+    U: float  # stored energy [J]
+    K: float  # stiffness at the tip [N/m]
+    toughness: float  # R B there [N]
+    ledger: float  # ledger [J]
 
 
 class RunningCrack(NamedTuple):
     """Tip of a running crack, and the energies of its growth."""
 
-    tip: float
-    """Tip [m]."""
-    ledger: float
-    """Ledger [J]."""
-    fracture: float
-    """Fracture energy so far [J]."""
-    loss: float
-    """Loss so far [J]."""
+    tip: float  # tip [m]
+    ledger: float  # ledger [J]
+    fracture: float  # fracture energy so far [J]
+    loss: float  # loss so far [J]
 
 
 @njit_inline
@@ -138,19 +123,13 @@ def elastic_force(profile: Struct, x: float, a: float) -> float:
 
 @njit
 def stored_energy(profile: Struct, x: float, a: float) -> float:
-    """Return the stored energy, K(a) max(x - a, 0)^2 / 2 [J].
-
-    It is a function of state, so that no closed loop can gain work.
-    """
+    """Return the stored energy of a state, K(a) max(x - a, 0)^2 / 2 [J]."""
     return 0.5 * stiffness_at(profile, a)[0] * max(x - a, 0.0) ** 2
 
 
 @njit_inline
 def fallen(by: float, start: float, per: float, speed: float) -> float:
-    """Return how far a LEM has fallen at ``speed`` [Pa].
-
-    Zero up to ``start``, then linear in speed, ``by`` at most.
-    """
+    """Return a LEM's fall [Pa]: 0 up to ``start``, then linear in ``speed``, ``by`` at most."""
     return by * min(max((speed - start) * per, 0.0), 1.0)
 
 
@@ -186,10 +165,7 @@ def may_grow(ledger: float, change: float, toughness: float, debt_length: float)
 
 @njit_inline
 def on_unload(ledger: float, loss: float) -> tuple[float, float]:
-    """Return ledger and loss after full unloading.
-
-    A surplus beyond fracture becomes loss; a debt stays.
-    """
+    """Return ledger and loss after full unloading: a surplus is lost, a debt stays."""
     return min(ledger, 0.0), loss + max(ledger, 0.0)
 
 
@@ -334,8 +310,7 @@ class EnergyAccount(NamedTuple):
     friction: float
     loss: float
     ledger: float
-    residual: float
-    """Work minus all the others."""
+    residual: float  # work minus all the others
 
 
 @njit_inline

@@ -21,20 +21,16 @@ from cutenv.sim.cutting.dtypes import DRIVE, LAW, PROFILE, STATE
 from cutenv.sim.cutting.row import ONE, LaneViews, count_scalars, lane_dtype
 from cutenv.sim.cutting.sensor import SENSOR
 
-NOTHING: np.dtype[Any] = np.dtype((np.record, [("nothing", "i8")]))
-"""Record of what a motion does not need."""
+NOTHING: np.dtype[Any] = np.dtype((np.record, [("nothing", "i8")]))  # record of what a motion does not need
 
 
 class Moving(NamedTuple):
     """Motions of the cuts in a row."""
 
-    lanes: Struct
-    """Scalars of the records and scratch, for each lane."""
+    lanes: Struct  # scalars of the records and scratch, for each lane
     views: LaneViews
-    records: StructArray
-    """Records of all cuts, shape (n,)."""
-    shared: StructArray
-    """Record that all cuts share, shape (1,)."""
+    records: StructArray  # records of all cuts, shape (n,)
+    shared: StructArray  # record that all cuts share, shape (1,)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,46 +41,36 @@ class Motion(Declaration):
     cuts' profiles and the duration of the update [s].  One that is None is not called.
     """
 
-    place: str
-    """Module and name of this object, "package.module:NAME"."""
-    record: np.dtype[Any] = NOTHING
-    """Record of each cut: scalars, which a row gathers, then arrays."""
-    scratch: tuple[tuple[str, str], ...] = ()
-    """Fields that live only in a row."""
-    shared: np.dtype[Any] = NOTHING
-    """Record that all cuts share."""
+    place: str  # module and name of this object, "package.module:NAME"
+    record: np.dtype[Any] = NOTHING  # record of each cut: scalars, which a row gathers, then arrays
+    scratch: tuple[tuple[str, str], ...] = ()  # fields that live only in a row
+    shared: np.dtype[Any] = NOTHING  # record that all cuts share
 
+    # Give a lane its command of the further axis; takes lanes, number of the lane, command.
     command: Callable[..., None] | None = None
-    """Give a lane its command of the further axis; takes lanes, number of the lane, command."""
-    drive: Callable[..., None] | None = None
-    """Advance the drive of the further axis."""
-    aim: Callable[..., None] | None = None
-    """Reduce the motion to that along the crack, before the tissue is loaded."""
-    move: Callable[..., None] | None = None
-    """Move the blade by what the law has not seen, after the tissue is loaded."""
-    renew: Callable[..., None] | None = None
-    """Bring the profiles up to date where tip and blade come to another point."""
-    renew_runs: Callable[..., None] | None = None
-    """Bring the profiles up to date where cracks are about to run."""
+    drive: Callable[..., None] | None = None  # advance the drive of the further axis
+    aim: Callable[..., None] | None = None  # reduce the motion to that along the crack, before the tissue is loaded
+    move: Callable[..., None] | None = None  # move the blade by what the law has not seen, after the tissue is loaded
+    renew: Callable[..., None] | None = None  # bring the profiles up to date where tip and blade come to another point
+    renew_runs: Callable[..., None] | None = None  # bring the profiles up to date where cracks are about to run
     across: Callable[..., tuple[float, float]] | None = None
     """Return the bristles' deflection across the cut, and the blade's motion across it in this update [m]; takes lanes
     and number of the lane.  With None the blade has no friction across."""
     rub: Callable[..., None] | None = None
     """Take the bristles' new deflection across the cut [m], and the friction that they exert there [N]; takes lanes,
     number of the lane, deflection, force."""
+    # Let the tissue respond to the motion, and change ``row.force``, that of tissue and friction along the cut.
     respond: Callable[..., None] | None = None
-    """Let the tissue respond to the motion, and change ``row.force``, that of tissue and friction along the cut."""
+    # Return the force on the blade across the cut [N]; takes lanes and number of the lane.
     force: Callable[..., float] | None = None
-    """Return the force on the blade across the cut [N]; takes lanes and number of the lane."""
     pull: Callable[..., float] | None = None
     """Return the part along the cut of the force on a blade that is turned from it, from lanes, number of the lane and
     the force along the blade [N]; None: that force."""
+    # Return the energy that is stored besides that of the law [J]; takes the record of a cut.
     stored: Callable[..., float] | None = None
-    """Return the energy that is stored besides that of the law [J]; takes the record of a cut."""
+    # Lead the further axis of a row of one to a wanted place; return the blade's position [m].
     lead: Callable[..., float] | None = None
-    """Lead the further axis of a row of one to a wanted place; return the blade's position [m]."""
-    stops_at_ends: bool = False
-    """True: a blade that is led beyond the specimen stops there; false: that is an error."""
+    stops_at_ends: bool = False  # True: a blade that is led beyond the specimen stops there; False: that is an error
 
     @property
     def scalars(self) -> Any:
@@ -106,5 +92,4 @@ class Motion(Declaration):
         return np.dtype((np.record, [(name, kind, (1,)) for name, kind in parts.items()]))
 
 
-STRAIGHT = Motion(place=f"{__name__}:STRAIGHT")
-"""Motion along the cut alone."""
+STRAIGHT = Motion(place=f"{__name__}:STRAIGHT")  # motion along the cut alone

@@ -24,10 +24,8 @@ from cutenv.sim.cutting.drive import lag_gain
 from cutenv.sim.cutting.dtypes import DRIVE, LAW, STATE, TICK
 from cutenv.sim.cutting.law import depth_at, stiffness_at, toughness_at
 
-LANES = 32
-"""Number of cuts in a row of a batch: enough for several vectors, few enough for the first-level cache."""
-BLOCK = 4
-"""Ticks (milliseconds) whose sensor noise is drawn at once."""
+LANES = 32  # number of cuts in a row of a batch: enough for several vectors, few enough for the first-level cache
+BLOCK = 4  # ticks (milliseconds) whose sensor noise is drawn at once
 
 _OWN = (STATE, LAW, DRIVE)  # stored per cut in structured arrays, all of whose fields are 8 bytes wide
 _PASSING = (  # scratch: it lives only in the row
@@ -102,10 +100,8 @@ def row_dtype(lanes: int) -> np.dtype[Any]:
     return np.dtype((np.record, fields))
 
 
-ROW = row_dtype(LANES)
-"""Row of a batch."""
-ONE = row_dtype(1)
-"""Row of a single cut."""
+ROW = row_dtype(LANES)  # row of a batch
+ONE = row_dtype(1)  # row of a single cut
 _N_STATE, _N_LAW, _N_DRIVE = (len(kind.names or ()) for kind in _OWN)
 
 
@@ -172,10 +168,7 @@ def law_in_row(row: Struct, n: int) -> LawInRow:
 
 
 class Plain(NamedTuple):
-    """Row and cuts' records as flat arrays of float64.
-
-    A view costs more than a copy, so they are made once.
-    """
+    """Row and cuts' records as flat float64 views, made once for speed."""
 
     row: StructArray
     states: StructArray
@@ -272,11 +265,9 @@ class LaneViews(NamedTuple):
 
     lanes: StructArray
     records: StructArray
-    width: Integer
-    """Number of lanes."""
+    width: Integer  # number of lanes
     scalars: Integer
-    size: Integer
-    """64-bit numbers in a record."""
+    size: Integer  # 64-bit numbers in a record
 
 
 @njit_inline

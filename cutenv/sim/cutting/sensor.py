@@ -1,7 +1,4 @@
-"""The force sensor.
-
-Delay, drift, noise, resolution and tare, shared by the simulator and the rig's emulator.
-"""
+"""The force sensor of simulator and emulated rig: delay, drift, noise, resolution, tare."""
 
 from __future__ import annotations
 
@@ -28,8 +25,7 @@ from cutenv.sim.cutting.dtypes import TICK
 from cutenv.sim.cutting.row import BLOCK, ONE, take_sensor
 
 _LONGEST_DELAY = 64  # ticks that the delay line holds, a power of two
-WRAP = _LONGEST_DELAY - 1
-"""Bit mask from a tick to its index in the delay line."""
+WRAP = _LONGEST_DELAY - 1  # bit mask from a tick to its index in the delay line
 _ROOT_TICK = math.sqrt(TICK)  # square roots are rounded alike on every machine, powers are not
 
 SENSOR: np.dtype[Any] = np.dtype(
@@ -127,12 +123,8 @@ def _draw(row: Struct) -> None:
 def measure(rows: StructArray, sensors: StructArray, force: float, tick: int) -> float:
     """Return the reading [N] of a true ``force`` at ``tick``.
 
-    Ticks count from 0 at reset; each is measured once.
-
-    Parameters
-    ----------
-    rows, sensors : Records, shape (1,)
-        Memory of the calls: a row of one lane (:data:`~cutenv.sim.cutting.row.ONE`), and the sensor; both are changed.
+    Ticks count from 0 at reset; each is measured once.  ``rows`` and ``sensors``, (1,), are the memory of the calls: a
+    row of one lane (:data:`~cutenv.sim.cutting.row.ONE`), and the sensor.
     """
     row, sensor = first_row(rows), sensors[0]
     take_sensor(row, sensor, 0)
@@ -172,14 +164,8 @@ class SensorParameters:
 class Sensor:
     """A force sensor with a memory.
 
-    Pass it the true force once a millisecond, read the force that a rig would measure.
-
-    Parameters
-    ----------
-    parameters : SensorParameters, optional
-        Noise, resolution, delay, drift.
-    seed, episode : int
-        Key of the noise: the same key and tick give the same noise, in any order and any batch.
+    Pass it the true force once a millisecond, read the force that a rig would measure.  The same key (seed, episode)
+    and tick give the same noise, in any order and any batch.
     """
 
     def __init__(self, parameters: SensorParameters | None = None, *, seed: int = 0, episode: int = 0) -> None:

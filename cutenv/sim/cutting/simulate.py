@@ -1,7 +1,4 @@
-"""Loops over updates of the cutting law, made for each motion.
-
-One cut, a path, and many cuts in parallel.
-"""
+"""Loops over updates of the cutting law: one cut, a path, many in parallel."""
 
 from __future__ import annotations
 
@@ -37,24 +34,18 @@ from cutenv.sim.tissue.specimen import LENGTH
 
 
 class Physics(NamedTuple):
-    """Records of n cuts that the law needs to continue.
-
-    They are structured arrays of shape (n,), hidden truth included.
-    """
+    """Records of n cuts that the law needs to continue, hidden truth included."""
 
     states: StructArray
     profiles: StructArray
     laws: StructArray
     drives: StructArray
     sensors: StructArray
-    motions: StructArray
-    """Records of the motion, :attr:`~cutenv.sim.cutting.motion.Motion.record`."""
-    shared: StructArray
-    """Record that all cuts share, shape (1,)."""
+    motions: StructArray  # records of the motion, record
+    shared: StructArray  # record that all cuts share, shape (1,)
 
 
-CUT = STRAIGHT.cut
-"""One straight cut in one record."""
+CUT = STRAIGHT.cut  # one straight cut in one record
 
 
 @compiled_for(njit)
@@ -91,16 +82,10 @@ def hold(motion: Motion) -> Callable[..., None]:
     ) -> None:
         """Simulate one cut under one command for ``len(readings)`` milliseconds.
 
-        Parameters
-        ----------
-        cuts, shared : Records, shape (1,)
-            The cut, :attr:`~cutenv.sim.cutting.motion.Motion.cut`, changed in place; what all cuts of its motion share.
-        commanded : tuple of float
-            Speed [m/s], angle [rad], and command of the motion's further axis.
-        readings : Records
-            :data:`~cutenv.sim.cutting.dtypes.READING`, filled, one for each millisecond.
-        across : array, shape (n,) or (0,)
-            Filled with the true force on the blade across the cut, upwards or to its right [N], if it is not empty.
+        ``cuts``, (1,), is :attr:`~cutenv.sim.cutting.motion.Motion.cut`, changed in place; ``shared`` what all cuts of
+        its motion share.  ``commanded`` are speed [m/s], angle [rad], and command of the motion's further axis.
+        ``readings`` are filled, and, if it is not empty, ``across`` with the true force on the blade upwards or to its
+        right [N], (n,).
         """
         c = cuts[0]
         row, plain = first_row(c.rows), plain_views(c.rows, c.states, c.laws, c.drives)
@@ -133,24 +118,10 @@ def follow(motion: Motion) -> Callable[..., None]:
     ) -> None:
         """Move a blade exactly along ``path``, without drive and sensor.
 
-        Parameters
-        ----------
-        cuts, shared : Records, shape (1,)
-            The cut, :attr:`~cutenv.sim.cutting.motion.Motion.cut`, changed in place; what all cuts of its motion share.
-        path : array, shape (n, 3)
-            Position within the specimen [m], angle [rad], and the further axis: level [m], or turn to the left [rad]
-            below 0.5, after which the position is the way since the start, whose change leads where the blade points.
-        dt : float
-            Time between two rows [s].
-        readings : Records
-            :data:`~cutenv.sim.cutting.dtypes.READING`, shape (n,), filled; its force is the true one.
-        across : array, shape (n,) or (0,)
-            Filled with the force on the blade across the cut, upwards or to its right [N], if it is not empty.
-
-        Raises
-        ------
-        ValueError
-            If the path leaves the specimen.
+        The arguments are those of :func:`hold`, but for ``path``, (n, 3), every ``dt`` [s]: position within the
+        specimen [m], angle [rad], and the further axis: level [m], or turn to the left [rad] below 0.5, after which the
+        position is the way since the start, whose change leads where the blade points.  The readings' force is the true
+        one.  ValueError if the path leaves the specimen.
         """
         c = cuts[0]
         row, plain = first_row(c.rows), plain_views(c.rows, c.states, c.laws, c.drives)
@@ -184,20 +155,11 @@ def hold_some(motion: Motion) -> Callable[..., None]:
     def hold_some(
         passed: WorkQueue, core: int, cuts: Physics, commands: StructArray, ticks: int, felt: StructArray
     ) -> None:
-        """Advance n cuts by ``ticks`` updates, each under one constant command.
+        """Advance n cuts by ``ticks`` milliseconds, each under one constant command.
 
-        Parameters
-        ----------
-        passed, core : WorkQueue, int
-            Work queue and number of the thread, see :func:`cutenv._engine.parallel.parallel_for`.
-        cuts : Physics
-            The cuts, changed in place.
-        commands : array, shape (n, 3)
-            Speed [m/s], angle [rad], and that of the further axis.
-        ticks : int
-            Number of updates, one millisecond each.
-        felt : array, shape (n, 2)
-            Filled with the last force measured along the cut, and the true one across it [N].
+        ``passed`` and ``core`` are those of :func:`cutenv._engine.parallel.parallel_for`.  ``commands``, (n, 3), are
+        speed [m/s], angle [rad], and that of the further axis; ``felt``, (n, 2), is filled with the last force measured
+        along the cut, and the true one across it [N].
         """
         cuts = without_refcount(cuts)
         rows, lanes = np.zeros(1, ROW), np.zeros(1, lanes_of_row)

@@ -55,13 +55,12 @@ from cutenv.sim.tissue.lines import WIDTH, CutLine
 from cutenv.sim.tissue.place_model import stiffness_off_line
 from cutenv.sim.tissue.specimen import Specimen
 
+# Largest distance of a blade to its line [m]; farther away the stiffness of a crack on the line tells nothing.
 LINE_REACH = 0.015
-"""Largest distance of a blade to its line [m]; farther away the stiffness of a crack on the line tells nothing."""
 _FADE = 1e-3  # length behind the tip over which the distance to the faces fades into that to the crack's course [m]
 _LEAST_GROWN = 1e-6  # [m], of the crack since a point of the grid, from which the two give its direction
 _LEAST_COSINE = 0.25  # of the angle between crack and line: a crack across the line would make no way along it
-LEAST_SPREAD = 0.25
-"""Least 1 - curvature times distance: beyond it lies the centre of the line's curvature."""
+LEAST_SPREAD = 0.25  # least 1 - curvature times distance: beyond it lies the centre of the line's curvature
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,6 +82,7 @@ class SteeringParameters:
         check_parameters(self)
 
 
+# Record of a cut's place in the plane, and of its line, beside the record of the law.
 STEERING: np.dtype[Any] = np.dtype(
     (
         np.record,
@@ -134,7 +134,6 @@ STEERING: np.dtype[Any] = np.dtype(
         ],
     )
 )
-"""Record of a cut's place in the plane, and of its line, beside the record of the law."""
 
 
 def steering_records(
@@ -142,14 +141,7 @@ def steering_records(
 ) -> StructArray:
     """Return :data:`STEERING` records, shape (n,), of blades at the lines' starts.
 
-    Parameters
-    ----------
-    specimens, lines : list of Specimen, of CutLine
-        The tissue, and where to cut.
-    profiles : Records
-        :data:`~cutenv.sim.cutting.dtypes.PROFILE` of the specimens, shape (n,); the stiffness in it is replaced.
-    parameters : SteeringParameters
-        Constants of the law in the plane.
+    The stiffness in ``profiles`` of the specimens is replaced.
     """
     parameters = parameters or SteeringParameters()
     records = np.zeros(len(lines), STEERING)
@@ -196,21 +188,14 @@ def begin_steering(profile: Struct, steering: Struct, tip: float) -> None:
 class CrackFrame(NamedTuple):
     """Stiffness at a point of the line, along the crack's direction."""
 
-    stiffness: float
-    """Along the crack, K_ee [N/m]."""
-    coupling: float
-    """c [1]."""
-    side_stiffness: float
-    """K_nn - c K_en [N/m]."""
-    stretch: float
-    """Length of crack per length of line [1]."""
+    stiffness: float  # along the crack, K_ee [N/m]
+    coupling: float  # c [1]
+    side_stiffness: float  # k_nn - c K_en [N/m]
+    stretch: float  # length of crack per length of line [1]
 
 
 class LineStiffness(NamedTuple):
-    """Direction, curvature [1/m] and stiffness [N/m] at a line's point.
-
-    The stiffness is along and across the line.
-    """
+    """Direction, curvature [1/m], and stiffness along and across [N/m] at a line's point."""
 
     cosine: float
     sine: float
@@ -218,8 +203,7 @@ class LineStiffness(NamedTuple):
     along: float
     coupled: float
     sideways: float
-    off_line: tuple[float, float, float]
-    """Changes by a tip beside the line, see :mod:`cutenv.sim.tissue.place_model` [1/m]."""
+    off_line: tuple[float, float, float]  # changes by a tip beside the line, see place_model [1/m]
 
 
 @njit_inline
@@ -316,10 +300,7 @@ def advanced(place: Struct, steering: Struct, a: float, i: int, share: float) ->
 
 
 class CutPoint(NamedTuple):
-    """Point of a cut.
-
-    Cell of the grid, place along the line and distance to its left [m].
-    """
+    """Cell of the grid, place along the line and distance to its left [m]."""
 
     cell: int
     place: float
@@ -393,10 +374,7 @@ def to_crack(place: Struct) -> tuple[float, float]:
 
 @njit_inline
 def turned(ahead: float, across: float, by: float) -> tuple[float, float]:
-    """Return a direction turned left ``by`` less than 0.5 rad.
-
-    Its length stays 1 within 1e-16 a turn.
-    """
+    """Return a direction turned left ``by`` less than 0.5 rad, of length 1."""
     square = by * by
     cosine = 1.0 - square * (0.5 - square * (1.0 / 24.0 - square * (1.0 / 720.0)))
     sine = by * (1.0 - square * (1.0 / 6.0 - square * (1.0 / 120.0 - square * (1.0 / 5040.0))))

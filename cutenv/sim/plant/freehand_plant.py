@@ -1,7 +1,4 @@
-"""Simulated slab that is cut where the blade is led.
-
-Its model is solved again as the cut opens.
-"""
+"""Simulated slab that is cut where the blade is led, solved again as it opens."""
 
 from __future__ import annotations
 
@@ -21,19 +18,14 @@ from cutenv.sim.tissue.lines import SIDE_MARGIN, WIDTH, CutLine, straight
 from cutenv.sim.tissue.specimen import Specimen
 from cutenv.sim.tissue.steered_model import SteeredModel
 
-NODES_AHEAD = 3
-"""Nodes for which the model tells the stiffness of a crack that goes straight on."""
+NODES_AHEAD = 3  # nodes for which the model tells the stiffness of a crack that goes straight on
 _ELEMENT = 0.01  # of the model to which the measured moduli belong [m]
-FREE_SIDE = 0.5 * WIDTH - SIDE_MARGIN
-"""Largest distance of the blade to the axis of the slab [m]."""
+FREE_SIDE = 0.5 * WIDTH - SIDE_MARGIN  # largest distance of the blade to the axis of the slab [m]
 _CHUNK = 10  # milliseconds after which the tip is followed: the crack turns no sooner
 
 
 class Grown(NamedTuple):
-    """Growth of a model.
-
-    Stiffness over that of a straight cut at points of the line, and why it ended, if it did.
-    """
+    """Stiffness over that of a straight cut at points of the line, and any end."""
 
     ways: Array
     ratios: Array
@@ -43,21 +35,8 @@ class Grown(NamedTuple):
 class GrowingModel:
     """Finite-element model whose crack follows that of a cut.
 
-    It tells the stiffness along a line.
-
-    Parameters
-    ----------
-    specimen : Specimen
-        The tissue, whose profiles lie along the line.
-    line : CutLine
-        Line at whose start the cut begins; it tells places.
-    model : SteeredModel, optional
-        Model of the slab, which is copied; by default a new one with elements of 5 mm.
-
-    Attributes
-    ----------
-    model : SteeredModel
-        Mesh and cuts.
+    It tells the stiffness along a line, at whose start the cut begins; the specimen's profiles lie along it.  ``model``
+    is copied; by default it is a new one with elements of 5 mm.
     """
 
     def __init__(self, specimen: Specimen, line: CutLine, model: SteeredModel | None = None) -> None:
@@ -75,10 +54,7 @@ class GrowingModel:
         )
 
     def begin(self, profile: Struct, steering: Struct, length: float = 0.0) -> None:
-        """Begin a cut, and lead it along ``length`` of the line [m].
-
-        What profile and steering hold of the line's stiffness is replaced.
-        """
+        """Begin a cut, led along ``length`` of the line [m], replacing the line's stiffness."""
         line = self.line
         self.model.begin((float(line.x[0]), float(line.y[0])), float(line.angle[0]))
         for i in range(1, round(length / SPACING) + 1):
@@ -89,10 +65,7 @@ class GrowingModel:
         begin_steering(profile, steering, length)
 
     def lead(self, way: list[tuple[float, float, float]]) -> Grown:
-        """Lead the crack along places [m] and directions of the tip.
-
-        There is nothing to tell until it has passed a node.
-        """
+        """Lead the crack along places [m] and directions; tell once a node is passed."""
         passed = 0
         try:
             for x, y, angle in way:
@@ -161,21 +134,17 @@ class GrowingModel:
 
 
 class FreehandPlant(SteeredPlant):
-    """Simulated slab, cut by a blade that is led anywhere.
-
-    The finite-element model follows the crack.
+    """Simulated slab, cut by a blade that is led anywhere: its model follows the crack.
 
     The blade is driven where it points and turned to the left and right, as with
     :class:`~cutenv.sim.plant.SteeredPlant`.  Whenever the crack passes a node, its 2 x 2 stiffness is computed for the
-    cut as it is, and for :data:`NODES_AHEAD` nodes straight on; the force responds at the crack's next turn.  The line
-    only tells places, and where the specimen's profiles lie.
+    cut as it is, and for :data:`NODES_AHEAD` nodes straight on; the force responds at the crack's next turn.
 
     Parameters
     ----------
-    specimen : Specimen
-        The tissue to cut.
     line : CutLine, optional
-        Line beside which the blade is led, by default the axis of the slab; the cut begins where it does.
+        Line at whose start the cut begins, by default the axis of the slab; it only tells places, and where the
+        specimen's profiles lie.
     model : SteeredModel, optional
         Model of the slab, with earlier cuts if it has any, which is copied; by default a new one with elements of
         5 mm.
@@ -244,10 +213,7 @@ class FreehandPlant(SteeredPlant):
     def displaced(self, opening: float = 0.0) -> list[Array]:
         """Return the model's displaced element outlines, each (3 or 4, 2) [m].
 
-        Parameters
-        ----------
-        opening : float
-            Distance by which the faces of cuts are drawn apart, far from their ends [m].
+        ``opening`` is the distance by which the faces of cuts are drawn apart, far from their ends [m].
         """
         self.settle()
         return self._growing_model.displaced(np.subtract(self.blade, self.tip), opening)

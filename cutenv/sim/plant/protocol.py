@@ -32,11 +32,8 @@ class Plant(Protocol):
     def advance(self, speed: float, angle: float, ticks: int) -> StructArray:
         """Command ``speed`` [m/s] and ``angle`` [rad]; return the readings.
 
-        Returns
-        -------
-        Records
-            Readings (:data:`cutenv.sim.cutting.dtypes.READING`), shape (ticks,), valid until the next call.  Of the
-            fields ``true_force``, ``elastic_force``, ``tip`` and ``jump``, those that a plant cannot know are NaN.
+        They are :data:`cutenv.sim.cutting.dtypes.READING`, (ticks,), valid until the next call.  Of the fields
+        ``true_force``, ``elastic_force``, ``tip`` and ``jump``, those that a plant cannot know are NaN.
         """
         ...
 
@@ -74,19 +71,8 @@ def forward_backward(
 def run(plant: Plant, legs: list[Leg]) -> StructArray:
     """Drive ``plant`` through ``legs`` from its present position.
 
-    Return every reading at 1 kHz, the first at rest.
-
-    Returns
-    -------
-    Records
-        Readings, shape (n,).
-
-    Raises
-    ------
-    ValueError
-        If there is no leg.
-    RuntimeError
-        If the blade does not reach the end of a leg.
+    Return every reading at 1 kHz, (n,), the first at rest.  ValueError if there is no leg, RuntimeError if the blade
+    does not reach the end of one.
     """
     if not legs:
         raise ValueError("legs is empty: give at least one Leg.")
@@ -118,10 +104,7 @@ def to_trace(plant: Plant, readings: StructArray, **metadata: object) -> Trace:
 
 
 def recorded_trace(readings: StructArray, depth: Array, **metadata: object) -> Trace:
-    """Return readings as a recorded trace, without hidden state.
-
-    ``depth`` is that along the cut line, shape (301,) [m].
-    """
+    """Return readings as a recorded trace with a depth, (301,) [m], without hidden state."""
     position = readings["position"].copy()
     return Trace(
         time=readings["time"].copy(),

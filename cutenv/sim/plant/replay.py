@@ -1,7 +1,4 @@
-"""A recorded cut as a plant.
-
-It returns the recorded readings, whatever is commanded.
-"""
+"""A recorded cut as a plant, which returns its readings to any command."""
 
 from __future__ import annotations
 
@@ -23,11 +20,8 @@ _HIDDEN = ("true_force", "elastic_force", "tip", "jump")
 class ReplayPlant:
     """Recorded cut, replayed by the millisecond from its first reading.
 
-    Parameters
-    ----------
-    trace : Trace
-        With force in newtons, position, angle and depth; speed is computed from the position if it has none.
-        Readings are interpolated to milliseconds; those of 1 kHz are used unchanged.
+    ``trace`` has force in newtons, position, angle and depth, and speed unless that is computed from the position;
+    readings are interpolated to milliseconds, those of 1 kHz used unchanged.
 
     Attributes
     ----------
@@ -71,10 +65,7 @@ class ReplayPlant:
     def advance(self, speed: float, angle: float, ticks: int) -> StructArray:
         """Return the next ``ticks`` readings, whatever ``speed`` and ``angle`` are.
 
-        Raises
-        ------
-        EOFError
-            If fewer are left; see :attr:`left`.
+        EOFError if fewer are left; see :attr:`left`.
         """
         if ticks > self.left:
             raise EOFError(f"the record holds {self.left} more milliseconds, not {ticks}.")

@@ -1,7 +1,4 @@
-"""The simulated plant.
-
-A specimen under the cutting law, a drive and a force sensor.
-"""
+"""The simulated plant: a specimen under law, drive and force sensor."""
 
 from __future__ import annotations
 
@@ -20,14 +17,12 @@ from cutenv.sim.cutting.sensor import SensorParameters, sensor_records
 from cutenv.sim.cutting.simulate import Physics, account_one, follow, hold
 from cutenv.sim.tissue.specimen import LENGTH, N_POINTS, SPACING, Specimen
 
-ANGLE_RANGE = (math.radians(45.0), math.radians(90.0))
-"""Measured angles of the blade [rad]."""
+ANGLE_RANGE = (math.radians(45.0), math.radians(90.0))  # measured angles of the blade [rad]
 
 _MOST_TICKS = 10**7  # of one call
 _NONE_ACROSS: Array = np.zeros(0)  # forces across the cut of a motion that has none
 _ANGLE_LOW, _ANGLE_HIGH = ANGLE_RANGE[0] - 1e-9, ANGLE_RANGE[1] + 1e-9  # slack for rounding through degrees and back
-MAX_SPEED = 0.5
-"""Largest commanded speed [m/s]."""
+MAX_SPEED = 0.5  # largest commanded speed [m/s]
 
 
 class SimulatedPlant:
@@ -35,14 +30,8 @@ class SimulatedPlant:
 
     Parameters
     ----------
-    specimen : Specimen
-        The tissue to cut.
     drive : Rig, PDRig or Hand, optional
-        Drive of the blade; default the rig.
-    sensor : SensorParameters, optional
-        Noise, resolution and delay of the force sensor.
-    law : LawParameters, optional
-        Constants of the cutting law.
+        Default the rig.
     seed, episode : int
         Random key of the sensor's noise.
     angle : float
@@ -126,22 +115,9 @@ class SimulatedPlant:
     ) -> StructArray:
         """Lead the blade exactly along a path, without drive and sensor.
 
-        Parameters
-        ----------
-        positions, angles, further : array_like, shape (n,) or ()
-            Path, see :func:`cutenv.sim.cutting.simulate.follow` [m], [rad] and [m] or [rad].
-        dt : float
-            Time between two places [s].
-
-        Returns
-        -------
-        Records
-            Readings (:data:`cutenv.sim.cutting.dtypes.READING`), shape (n,), whose force is the true one.
-
-        Raises
-        ------
-        ValueError
-            If the path leaves the specimen.
+        The path, see :func:`cutenv.sim.cutting.simulate.follow`, is of arrays of shape (n,) or () [m], [rad] and [m] or
+        [rad], every ``dt`` [s]; the force of the readings, (n,), is the true one.  ValueError if the path leaves the
+        specimen.
         """
         shape = np.broadcast_shapes(np.shape(positions), np.shape(angles), np.shape(further))
         path = np.empty((*shape, 3))

@@ -1,7 +1,4 @@
-"""Simulated plants whose blade has a third axis.
-
-The blade of one also moves up and down, that of the other is steered along a drawn line.
-"""
+"""Simulated plants whose blade moves up and down, or is steered along a line."""
 
 from __future__ import annotations
 
@@ -31,22 +28,11 @@ from cutenv.sim.tissue.specimen import Specimen
 
 
 class DescendingPlant(SimulatedPlant):
-    """Simulated specimen in layers, cut by a blade with height.
+    """Simulated specimen in layers, cut by a blade that also moves up and down.
 
-    The blade is driven along the cut and up and down.
-
-    Parameters
-    ----------
-    specimen : Specimen
-        The tissue to cut.
-    layers : Layers, optional
-        Its layers over the depth; default those of its tissue, where they were measured, or one tissue throughout.
-    descent : DescentParameters, optional
-        Constants of the vertical motion.
-    level : float
-        Level of the blade at the start [m], upwards, -0.025 to 0.025.
-    **keywords
-        Those of :class:`~cutenv.sim.plant.SimulatedPlant`; ``depth`` is that of a blade at level 0.
+    ``layers`` are over the depth; by default those of its tissue, where they were measured, or one tissue throughout.
+    ``level`` is the blade's at the start [m], upwards, -0.025 to 0.025.  The keywords are those of
+    :class:`~cutenv.sim.plant.SimulatedPlant`; ``depth`` is that of a blade at level 0.
     """
 
     motion = DESCENDING
@@ -99,45 +85,22 @@ class DescendingPlant(SimulatedPlant):
     def advance(self, speed: float, angle: float, ticks: int, descent_speed: float = 0.0) -> StructArray:
         """Command speeds forward and down [m/s] and an angle [rad].
 
-        Returns
-        -------
-        Records
-            Readings (:data:`cutenv.sim.cutting.dtypes.READING`), shape (ticks,); the force along the cut is measured.
-
-        Raises
-        ------
-        ValueError
-            If a command is out of range, or ``ticks`` is no whole number from 1.
+        The readings (:data:`cutenv.sim.cutting.dtypes.READING`), (ticks,), have the measured force along the cut.
+        ValueError if a command is out of range, or ``ticks`` is no whole number from 1.
         """
         return self._advance(speed, angle, ticks, descent_speed)
 
 
-MAX_TURN_RATE = 4.0
-"""Largest rate of turn of the blade [rad/s]: a bend of 6 mm at full speed."""
+MAX_TURN_RATE = 4.0  # largest rate of turn of the blade [rad/s]: a bend of 6 mm at full speed
 
 
 class SteeredPlant(SimulatedPlant):
-    """A simulated specimen, cut by a steered blade.
+    """A simulated specimen, cut by a blade that is driven where it points and turned.
 
-    The blade is driven where it points and turned to the left and right.
-
-    The specimen's profiles of modulus, toughness and depth lie along the line.
-
-    Parameters
-    ----------
-    specimen : Specimen
-        The tissue to cut.
-    line : CutLine
-        Line to cut along, see :mod:`cutenv.sim.tissue.lines`; the blade stands at its start and points along it.
-    steering : SteeringParameters, optional
-        Constants of the law in the plane.
-    **keywords
-        Those of :class:`~cutenv.sim.plant.SimulatedPlant`; ``angle`` is the inclination of the blade.
-
-    Raises
-    ------
-    ValueError
-        If the tissue relaxes: no law of relaxing tissue in the plane is known.
+    The specimen's profiles of modulus, toughness and depth lie along ``line`` (:mod:`cutenv.sim.tissue.lines`), at
+    whose start the blade stands and along which it points.  The keywords are those of
+    :class:`~cutenv.sim.plant.SimulatedPlant`; ``angle`` is the inclination of the blade.  ValueError if the tissue
+    relaxes: no law of relaxing tissue in the plane is known.
     """
 
     motion = STEERED
@@ -200,15 +163,8 @@ class SteeredPlant(SimulatedPlant):
     def advance(self, speed: float, angle: float, ticks: int, turn_rate: float = 0.0) -> StructArray:
         """Command speed [m/s], inclination [rad] and left turn [rad/s].
 
-        Returns
-        -------
-        Records
-            Readings (:data:`cutenv.sim.cutting.dtypes.READING`), shape (ticks,); the force along the blade's direction
-            is measured, positions are arc lengths of the line.
-
-        Raises
-        ------
-        ValueError
-            If a command is out of range, or ``ticks`` is no whole number from 1.
+        The readings (:data:`cutenv.sim.cutting.dtypes.READING`), (ticks,), have the measured force along the blade's
+        direction; positions are arc lengths of the line.  ValueError if a command is out of range, or ``ticks`` is no
+        whole number from 1.
         """
         return self._advance(speed, angle, ticks, turn_rate)

@@ -1,7 +1,4 @@
-"""Elastic continuum of a model.
-
-Element, formulation, integration and what follows from them; checks of arguments.
-"""
+"""Elastic continuum of a model: element, formulation, integration, checks of arguments."""
 
 from __future__ import annotations
 
@@ -26,14 +23,9 @@ from cutenv.sim.tissue.tip_response import TipResponse, stiffness_matrix, tip_re
 
 @dataclass(frozen=True, kw_only=True)
 class Continuum:
-    """Elements and the equations that they solve.
+    """Elements and the equations that they solve, as :class:`CutModel` takes them.
 
-    The parameters are those of `CutModel`.
-
-    Raises
-    ------
-    ValueError
-        If an argument is out of range, or element, formulation and integration do not go together.
+    ValueError names an argument that is out of range, or what does not go together.
     """
 
     element: str
@@ -85,10 +77,8 @@ class Continuum:
         return modulus * relative * strain_energy_density(mesh.basis, u, self.formulation, self.poisson)
 
 
-METRES = "Lengths are in metres: 5 cm is 0.05."
-"""Cure of a length that is out of range."""
-POSITIVE_MODULUS = "It is Young's modulus in pascals, and positive."
-"""Cure of a modulus that is out of range."""
+METRES = "Lengths are in metres: 5 cm is 0.05."  # cure of a length that is out of range
+POSITIVE_MODULUS = "It is Young's modulus in pascals, and positive."  # cure of a modulus that is out of range
 _WHOLE = 1e-6  # of an element: a line that is so close to an edge lies on it
 
 
@@ -97,10 +87,7 @@ def whole_elements(
 ) -> tuple[int, tuple[tuple[int, int], ...]]:
     """Return offset and earlier cuts, x and length, counted in elements.
 
-    Raises
-    ------
-    ValueError
-        If a line is no edge of elements, lies outside, or lies on another one.
+    ValueError if a line is no edge of elements, lies outside, or lies on another one.
     """
 
     def counted(name: str, value: float, axis: int) -> int:

@@ -22,8 +22,7 @@ from cutenv.sim.tissue.grid import SPACING
 
 ESTIMATED_EVERY = 0.020
 """Time between two readings from which a tip that never goes back is estimated, longer than the sensor's noise [s]."""
-PRESLIDING = 50e-6
-"""Motion over which friction is taken to reverse [m]."""
+PRESLIDING = 50e-6  # motion over which friction is taken to reverse [m]
 _ITERATIONS = 3  # of a = x - F/K(a): converges by K'(x - a)/K each time
 _STEADY = -0.002  # [m/s], speed below which a blade draws back steadily
 _FORWARD = 0.0005  # [m/s], speed above which friction opposes an advance
@@ -74,28 +73,15 @@ ASSESSED_TIP: np.dtype[Any] = np.dtype(
 
 
 class MeanTissue(NamedTuple):
-    """Mean tissue, with which an estimate begins.
+    """Mean tissue, with which an estimate begins."""
 
-    Attributes
-    ----------
-    stiffness : array, shape (301,)
-        K [N/m] with the tip at each grid point.
-    passed : int
-        Number of points from the clamp on, at least 1, at which it is known.
-    friction_per_depth : float
-        Friction on a moving blade [N/m].
-    """
-
-    stiffness: StructArray
-    passed: int
-    friction_per_depth: float
+    stiffness: StructArray  # K with the tip at each grid point [N/m], (301,)
+    passed: int  # number of points from the clamp on, at least 1, at which it is known
+    friction_per_depth: float  # on a moving blade [N/m]
 
 
 class BladeReading(NamedTuple):
-    """Reading of a rig.
-
-    Position [m], speed [m/s], depth of cut there [m] and measured force [N].
-    """
+    """Position [m], speed [m/s], depth of cut there [m] and measured force [N]."""
 
     position: float
     speed: float
@@ -117,10 +103,7 @@ def dragged(bristle: float, moved: float) -> float:
 
 @njit_internal
 def follow_tip(memory: Struct, mean: MeanTissue, reading: BladeReading) -> tuple[float, float]:
-    """Estimate tip [m] and elastic force [N], and update ``memory``.
-
-    ``memory`` has :data:`TIP_FIELDS`, and is changed in place.
-    """
+    """Estimate tip [m] and elastic force [N], and update ``memory``, :data:`TIP_FIELDS`."""
     memory.bristle = dragged(memory.bristle, reading.position - memory.position)
     memory.position = reading.position
     _learn_from_retreat(memory, mean, reading)

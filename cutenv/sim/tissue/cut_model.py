@@ -1,7 +1,4 @@
-"""Finite-element model of a clamped specimen with a straight cut.
-
-The cut begins at the clamp (thesis, chapters 3 and 4).
-"""
+"""Finite-element model of a clamped, straight cut specimen (thesis, chapters 3 and 4)."""
 
 from __future__ import annotations
 
@@ -254,17 +251,8 @@ class CutModel:
         """Return stiffness kappa [1]: force over displacement, modulus and thickness.
 
         Computed where the tip stands on element corners and interpolated in between with shape-preserving cubics
-        (PCHIP). Between the clamp and the first corner it is constant, because there is no tip.
-
-        Parameters
-        ----------
-        cut_length : array_like
-            Distance of the tip from the clamp [m], 0 to `length`.
-
-        Raises
-        ------
-        ValueError
-            If a cut length is NaN, negative or beyond the specimen.
+        (PCHIP). Between the clamp and the first corner it is constant, because there is no tip.  ValueError for a
+        distance of the tip from the clamp [m] that is not from 0 to `length`.
         """
         a = array_in_range("cut_length", cut_length, 0.0, self.length, "m", self._cut_length_cure)
         kappa = self._interpolation.stiffness(a)
@@ -273,26 +261,14 @@ class CutModel:
     def displacement(self, cut_length: float, force: float, modulus: float, thickness: float) -> Array:
         """Return every node's displacement under a blade force [m], (n_nodes, dim).
 
-        The tip moves by force / (kappa modulus thickness). Between two element corners the fields for a tip
-        on either are blended linearly and scaled to that; the tip is then taken on the straight line between
-        these corners (in 3-D, at their mean through the thickness). Pairs at or ahead of the tip stay tied.
-        Below the first corner the field keeps the first corner's shape.
+        The tip moves by force / (kappa modulus thickness). Between two element corners the fields for a tip on either
+        are blended linearly and scaled to that; the tip is then taken on the straight line between these corners (in
+        3-D, at their mean through the thickness). Pairs at or ahead of the tip stay tied. Below the first corner the
+        field keeps the first corner's shape.
 
-        Parameters
-        ----------
-        cut_length : float
-            Distance of the tip from the clamp [m], 0 to `length`.
-        force : float
-            Blade force along +y, away from the clamp [N], -1e6 to 1e6.
-        modulus : float
-            Young's modulus [Pa] where `relative_modulus` is 1, up to 1e12.
-        thickness : float
-            Depth of the cut [m], up to 1 m.
-
-        Raises
-        ------
-        ValueError
-            If an argument is out of range.
+        The force [N], -1e6 to 1e6, points away from the clamp; the modulus [Pa], up to 1e12, is that where
+        `relative_modulus` is 1, and the thickness [m], up to 1, the depth of the cut.  ValueError if one is out of
+        range.
         """
         a = in_range("cut_length", cut_length, 0.0, self.length, "m", self._cut_length_cure)
         return unit_force(force, modulus, thickness) / self.stiffness(a) * self._interpolation.shape(a)
@@ -318,12 +294,10 @@ class CutModel:
         points : array_like of shape (n, dim)
             Places before the load [m]: across the cut line, along it from the clamp and, for bricks, from the lower
             surface up.
-        cut_length : float
-            Distance of the tip from the clamp [m], 0 to `length`.
         tip_displacement : float, optional
             Displacement of the tip along +y [m], -1 to 1: the force is what `stiffness` gives for it.
         force, modulus, thickness : float, optional
-            Without it: blade force [N], Young's modulus [Pa] and depth of the cut [m], as for `displacement`.
+            Without it: as for `displacement`.
 
         Raises
         ------
@@ -353,19 +327,8 @@ class CutModel:
         """Return each element's mean strain energy density [J/m3], shape (n_elements,).
 
         They are in the order of `element_centres`. Summed over the elements times their volumes it is half the blade's
-        force times the displacement of the tip, if the tip is on element corners.
-
-        Parameters
-        ----------
-        displacement : ndarray of shape (n_nodes, dim)
-            Displacement of the nodes [m], from `displacement`.
-        modulus : float
-            Young's modulus [Pa] where `relative_modulus` is 1, up to 1e12.
-
-        Raises
-        ------
-        ValueError
-            If the modulus is out of range or the displacement has another shape.
+        force times the displacement of the tip, if the tip is on element corners.  The arguments are from and as for
+        `displacement`; ValueError if the modulus is out of range or the displacement has another shape.
         """
         e = in_range("modulus", modulus, 1e-6, 1e12, "Pa", POSITIVE_MODULUS)
         if displacement.shape != self.nodes.shape:
@@ -380,23 +343,9 @@ class CutModel:
     def convert_modulus(self, modulus: ArrayLike, to: CutModel, cut_length: ArrayLike) -> float | Array:
         """Convert a local effective modulus to another model (section 4.4.2).
 
-        Both models then respond to the same force with the same displacement: modulus kappa_self / kappa_to.
-
-        Parameters
-        ----------
-        modulus : array_like
-            Local effective modulus of this model [Pa], up to 1e12.
-        to : CutModel
-            The model that will use it.
-        cut_length : array_like
-            Cut length at which it was found [m], 0 to the length of the shorter model; broadcasts with `modulus`.
-
-        Raises
-        ------
-        TypeError
-            If `to` is not a `CutModel`.
-        ValueError
-            If a modulus or a cut length is out of range.
+        Both models then respond to the same force with the same displacement: modulus kappa_self / kappa_to.  Moduli
+        [Pa], up to 1e12, and cut lengths at which they were found [m], up to the length of the shorter model,
+        broadcast.  ValueError if one is out of range, TypeError if ``to`` is no `CutModel`.
         """
         if not isinstance(to, CutModel):
             raise TypeError(f"to must be a CutModel, got {to!r}. Build the model that shall use the modulus.")

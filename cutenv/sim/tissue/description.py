@@ -28,32 +28,19 @@ if TYPE_CHECKING:
     from cutenv.sim.tissue.cut_model import CutModel
 
 
-CUTS_PER_LIVER = 4
-"""Number of parallel cuts in a liver (section 5.3, Figure 3.8)."""
+CUTS_PER_LIVER = 4  # number of parallel cuts in a liver (section 5.3, Figure 3.8)
 
 _MODEL_THICKNESS = 0.01  # the finite-element specimen behind Table 5.5 is 1 cm thick (section 4.2) [m]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ModulusSpread:
-    """Coefficients of variation (SD over mean) of the LEM.
+    """Coefficients of variation (SD over mean) of the LEM."""
 
-    Attributes
-    ----------
-    between_liver_cv : float
-        CV of the livers' mean LEM; 0 if the variance estimate was negative.
-    between_cut_cv : float
-        CV of the cuts' mean LEM within one liver.
-    within_cut_cv : float
-        CV of the loading segments of one cut. Not normalised by depth: it contains the liver's bulge.
-    between_liver_clipped : bool
-        True if the between-liver variance was negative and was set to zero.
-    """
-
-    between_liver_cv: float
-    between_cut_cv: float
-    within_cut_cv: float
-    between_liver_clipped: bool = False
+    between_liver_cv: float  # of the livers' mean LEM
+    between_cut_cv: float  # of the cuts' mean LEM within one liver
+    within_cut_cv: float  # of one cut's loading segments; not normalised by depth: it contains the liver's bulge
+    between_liver_clipped: bool = False  # True if that variance was negative and was set to zero
 
     def __post_init__(self) -> None:
         """Raise ValueError if a coefficient is out of range."""
@@ -64,27 +51,14 @@ class ModulusSpread:
 def modulus_spread(formulation: Formulation = "plane_stress") -> ModulusSpread:
     """Return the LEM's spread between livers, between and within cuts.
 
-    Parameters
-    ----------
-    formulation : str
-        ``"plane_stress"`` or ``"plane_strain"``.
+    Source: Tables 5.2 to 5.4, twelve cuts at each of 0.1, 1.27 and 2.54 cm/s; not depth-normalised. Assumption: the
+    rows 1-4, 5-8 and 9-12 are three livers of four cuts each; the thesis says four cuts a liver but not which. Every
+    table is divided by its mean, so that the speeds may be pooled; the mean squares of the one-way random-effects
+    analysis of variance are averaged over the three tables before the components are taken. The within-cut value is the
+    mean over all 36 cuts of the printed SD over the printed average.
 
-    Returns
-    -------
-    ModulusSpread
-        Pure numbers.
-
-    Notes
-    -----
-    Source: Tables 5.2 to 5.4, twelve cuts at each of 0.1, 1.27 and 2.54 cm/s; not
-    depth-normalised. Assumption: the rows 1-4, 5-8 and 9-12 are three livers of four cuts each; the thesis
-    says four cuts a liver but not which. Every table is divided by its mean, so that the speeds may be
-    pooled; the mean squares of the one-way random-effects analysis of variance are averaged over the three
-    tables before the components are taken. The within-cut value is the mean over all 36 cuts of the printed
-    SD over the printed average.
-
-    A caution: the rows of Tables 5.2 and 5.3 correlate (0.79 in plane stress), as if equal numbers shared a
-    liver, so the three tables are not three independent samples and the between-liver value is a rough one.
+    A caution: the rows of Tables 5.2 and 5.3 correlate (0.79 in plane stress), as if equal numbers shared a liver, so
+    the three tables are not three independent samples and the between-liver value is a rough one.
     """
     one_of("formulation", formulation, ("plane_stress", "plane_strain"))
     tables = [table(number) for number in ("5.2", "5.3", "5.4")]
@@ -104,18 +78,6 @@ def modulus_spread(formulation: Formulation = "plane_stress") -> ModulusSpread:
 def inclined_spread(formulation: Formulation = "plane_stress") -> float:
     """Return an inclined blade's extra CV between cuts: 0.46 (plane stress).
 
-    Parameters
-    ----------
-    formulation : str
-        ``"plane_stress"`` or ``"plane_strain"``.
-
-    Returns
-    -------
-    float
-        Coefficient of variation [1].
-
-    Notes
-    -----
     Source: Table 5.6, SD over mean at seven speeds. Its mean square at 90 deg is subtracted from that at 45 deg, which
     assumes that the stiffness of a cut and the effect of an inclined blade on it are independent.
     """
@@ -131,15 +93,8 @@ def inclined_spread(formulation: Formulation = "plane_stress") -> float:
 def variance_components(groups: Array) -> tuple[float, float]:
     """Return variances between and within groups, by one-way random-effects ANOVA.
 
-    Parameters
-    ----------
-    groups : ndarray of float64, shape (tables, groups, members)
-        Balanced; the mean squares are averaged over the tables.
-
-    Returns
-    -------
-    between, within : float
-        Variances, in the square of the unit of ``groups``. ``between`` is unbiased, so it may be negative.
+    ``groups`` are balanced, of shape (tables, groups, members); the mean squares are averaged over the tables.  The
+    variance between is unbiased, so it may be negative.
     """
     n_groups, n_members = groups.shape[-2:]
     group_means = groups.mean(axis=-1, keepdims=True)
@@ -152,22 +107,10 @@ def variance_components(groups: Array) -> tuple[float, float]:
 def mean_depth_of_cut(formulation: Formulation = "plane_stress") -> float:
     """Return the measured cuts' mean depth [m], 1.43 cm (plane stress).
 
-    Parameters
-    ----------
-    formulation : str
-        ``"plane_stress"`` or ``"plane_strain"``.
-
-    Returns
-    -------
-    float
-        [m]
-
-    Notes
-    -----
-    Source: Table 5.5 treats the force of a cut as if it were 1 cm deep, Table 5.6 the force per depth, so their
-    ratio is the depth in cm. The depth does not depend on speed or angle: the geometric mean, which treats a ratio
-    and its inverse alike, over the thirteen pairs that both tables have. A rough value: the ratios range from 0.9
-    to 2.3, where section 5.4 has depths of 0 to about 2 cm.
+    Source: Table 5.5 treats the force of a cut as if it were 1 cm deep, Table 5.6 the force per depth, so their ratio
+    is the depth in cm. The depth does not depend on speed or angle: the geometric mean, which treats a ratio and its
+    inverse alike, over the thirteen pairs that both tables have. A rough value: the ratios range from 0.9 to 2.3, where
+    section 5.4 has depths of 0 to about 2 cm.
     """
     return float(np.exp(_log_depths(formulation).mean()))
 
@@ -188,24 +131,12 @@ def _log_depths(formulation: Formulation) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class Evidence:
-    """Provenance of one number of a tissue description.
-
-    Attributes
-    ----------
-    name : str
-        Name of the field of :class:`~cutenv.sim.tissue.TissueDescription`.
-    provenance : {"measured", "derived", "assumed", "choice"}
-        "assumed" if the records do not determine it.
-    how : str
-        Procedure, or reason why it is assumed, in words.
-    low, high : float or None
-        Ends of the 95 % interval, in the field's unit; None where nothing was measured.
-    """
+    """Provenance of one field of a tissue description."""
 
     name: str
-    provenance: ParameterProvenance
-    how: str
-    low: float | None = None
+    provenance: ParameterProvenance  # "assumed" if the records do not determine it
+    how: str  # procedure, or reason why it is assumed, in words
+    low: float | None = None  # ends of the 95 % interval, in the field's unit; None where nothing was measured
     high: float | None = None
 
     def __post_init__(self) -> None:
@@ -224,22 +155,12 @@ class Evidence:
 
 @dataclass(frozen=True, kw_only=True)
 class TissueCalibration:
-    """Records and evidence from which a tissue description was made.
-
-    Attributes
-    ----------
-    cuts, specimens : int
-        Number of cuts, and of pieces of tissue (for example livers).
-    evidence : tuple of Evidence
-        Evidence for each number that was to be determined.
-    notes : tuple of str
-        Notes for users of the numbers.
-    """
+    """Records and evidence from which a tissue description was made."""
 
     cuts: int
-    specimens: int
-    evidence: tuple[Evidence, ...]
-    notes: tuple[str, ...] = ()
+    specimens: int  # pieces of tissue, for example livers
+    evidence: tuple[Evidence, ...]  # for each number that was to be determined
+    notes: tuple[str, ...] = ()  # for users of the numbers
 
     def __post_init__(self) -> None:
         for what, number in (("cuts", self.cuts), ("specimens", self.specimens)):
@@ -260,13 +181,7 @@ class TissueCalibration:
         return tuple(each.name for each in self.evidence if each.provenance in ("assumed", "choice"))
 
     def of(self, name: str) -> Evidence:
-        """Return the evidence for one field.
-
-        Raises
-        ------
-        ValueError
-            If there is none.
-        """
+        """Return the evidence for one field; raise ValueError if there is none."""
         one_of("field", name, [each.name for each in self.evidence])
         return next(each for each in self.evidence if each.name == name)
 
@@ -274,10 +189,7 @@ class TissueCalibration:
     def from_content(cls, content: Any) -> TissueCalibration:
         """Build a calibration from the JSON content of :func:`dataclasses.asdict`.
 
-        Raises
-        ------
-        ValueError
-            If a field is missing or unknown, or its value is invalid.
+        ValueError if a field is missing or unknown, or its value is invalid.
         """
         try:
             evidence = tuple(Evidence(**each) for each in content["evidence"])
@@ -470,10 +382,7 @@ class TissueDescription:
     def from_json(cls, text: str) -> TissueDescription:
         """Parse the text of :meth:`to_json`.
 
-        Raises
-        ------
-        ValueError
-            For another schema, an unknown or a missing field, or a value out of range.
+        ValueError for another schema, an unknown or a missing field, or a value out of range.
         """
         names = {field.name for field in dataclasses.fields(cls)}
         content = checked_fields(text, TISSUE_SCHEMA, names, may_miss={"calibration", "layers"})
@@ -554,13 +463,7 @@ def following_means() -> dict[str, Any]:
     return {"intercept_90": start, "slope_90": slope, "falls_90": steps}
 
 
-FITTED = (
-    "modulus",
-    "modulus_between_cut_cv",
-    "rise_length",
-    "fracture_resistance",
-    "fracture_between_cut_cv",
-)
+FITTED = ("modulus", "modulus_between_cut_cv", "rise_length", "fracture_resistance", "fracture_between_cut_cv")
 """Fields fitted by ``scripts/derivations/specimens.py``: virtual measurement of drawn specimens against the tables."""
 
 

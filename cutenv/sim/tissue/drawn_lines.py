@@ -39,24 +39,20 @@ from cutenv.sim.tissue.lines import (
 from cutenv.sim.tissue.place_model import TipStiffness, along_whole_line, off_line, over_straight, stiffness_off_line
 from cutenv.sim.tissue.tables import FOLDER
 
+# Kinds of drawn lines of which "mixed" is one; their targets are drawn apart from them.
 MIXED_KINDS = ("straight", "arc", "s", "excision", "random")
-"""Kinds of drawn lines of which "mixed" is one; their targets are drawn apart from them."""
+# All kinds of drawn lines; a half of a fusiform excision has a length of its own, and is cut from end to end.
 KINDS = (*MIXED_KINDS, "fusiform")
-"""All kinds of drawn lines; a half of a fusiform excision has a length of its own, and is cut from end to end."""
-MIXED_LINES = len(KINDS)
-"""Number of the kind that is one of :data:`MIXED_KINDS`."""
-OF_A_KIND = 64
-"""Lines of each kind but the straight one."""
+MIXED_LINES = len(KINDS)  # number of the kind that is one of MIXED_KINDS
+OF_A_KIND = 64  # lines of each kind but the straight one
+# Length of each within the slab [m]: the longest cut that is drawn, and room for the blade that leads its tip.
 LEAST_LENGTH = 0.13
-"""Length of each within the slab [m]: the longest cut that is drawn, and room for the blade that leads its tip."""
-LENGTH_TO_WIDTH = 2.5, 4.0
-"""Range of a fusiform excision's length over its width, as surgeons plan them."""
+LENGTH_TO_WIDTH = 2.5, 4.0  # range of a fusiform excision's length over its width, as surgeons plan them
+# Range of the angle between each of its sides and its axis, at its ends [rad].
 END_ANGLES = math.radians(25.0), math.radians(45.0)
-"""Range of the angle between each of its sides and its axis, at its ends [rad]."""
-FUSIFORM_LENGTHS = 0.060, 0.100
-"""Range of the length of one side [m]: that from which targets are drawn."""
+FUSIFORM_LENGTHS = 0.060, 0.100  # range of the length of one side [m]: that from which targets are drawn
+# Distance that each but the straight one comes away from the axis of the slab within the longest cut [m].
 LEAST_ASIDE = 0.008
-"""Distance that each but the straight one comes away from the axis of the slab within the longest cut [m]."""
 STORED: dict[str, Any] = {"element": "quad8", "formulation": "plane_stress", "poisson": 0.3}
 """The model whose solutions are stored: that of the measured liver."""
 _FUSIFORM = KINDS.index("fusiform")
@@ -64,6 +60,7 @@ _LONGEST = 201  # points of the longest cut that is drawn
 _SEED = 29
 _FILE = "lines.json"
 
+# Record of a line, and of the stiffness of a crack on it and beside it.
 LINE: np.dtype[Any] = np.dtype(
     (
         np.record,
@@ -86,7 +83,6 @@ LINE: np.dtype[Any] = np.dtype(
         ],
     )
 )
-"""Record of a line, and of the stiffness of a crack on it and beside it."""
 
 
 class DrawnLines(NamedTuple):
@@ -237,8 +233,8 @@ def _rounded(values: Array) -> Any:
     return np.vectorize(lambda value: float(f"{value:.9g}"))(values).tolist()
 
 
+# Largest curvature of a crack: it turns within the length that a blade drags along; assumed [1/m].
 CRACK_CURVATURE = 100.0
-"""Largest curvature of a crack: it turns within the length that a blade drags along; assumed [1/m]."""
 _ADVANCE = 0.0002  # [m], of the tip from one turn of the crack to the next
 _STEEPEST = 0.25  # least cosine of the angle between crack and line
 _CHUNK = 2000  # readings whose distances to all points of a line are held at once
@@ -264,18 +260,9 @@ def along_line(line: CutLine, x: Array, y: Array) -> tuple[Array, Array]:
 def expected_cut(line: CutLine, x: Array, y: Array, tip: Array, tissue: TissueDescription) -> Array:
     """Return the distance of mean tissue's cut left of its line [m].
 
-    The crack turns toward the force, as the law in the plane has it; stiffness is that of a uniform slab.
-
-    Parameters
-    ----------
-    line : CutLine
-        Line to cut along.
-    x, y : array, shape (n,)
-        Places of the blade along and across the slab [m].
-    tip : array, shape (n,)
-        Lengths of line that the tip has cut [m].
-    tissue : TissueDescription
-        Tissue, for Poisson's ratio and the element of its model.
+    The crack turns toward the force, as the law in the plane has it; stiffness is that of a uniform slab.  ``x``, ``y``
+    are places of the blade along and across the slab [m], ``tip`` the lengths of line that the tip has cut [m], all
+    (n,).
     """
     from cutenv.sim.tissue.path_model import stiffness_at_unit_modulus, straight_stiffness
 

@@ -29,8 +29,7 @@ from cutenv.sim.tissue.tables import table
 Falls = tuple[tuple[float, float, float], ...]
 """Steps of a fall: share of the whole [1], and the two speeds [m/s] between which it is linear."""
 
-MOST = 3
-"""Largest number of steps that the cutting law has fields for."""
+MOST = 3  # largest number of steps that the cutting law has fields for
 
 
 def checked_falls(name: str, given: Iterable[Iterable[float]]) -> Falls:
@@ -77,25 +76,13 @@ _TABLES = {(0.3, True): "5.6", (0.3, False): "5.5", (0.499, True): "5.7"}
 
 @dataclass(frozen=True, kw_only=True)
 class SpeedFit:
-    """LEM = intercept + slope v, fitted from ``speed_min`` to ``speed_max``.
+    """LEM = intercept + slope v, fitted from ``speed_min`` to ``speed_max``."""
 
-    Attributes
-    ----------
-    intercept : float
-        LEM for v -> 0 [Pa], positive.
-    slope : float
-        Change of the LEM with speed [Pa s/m].
-    speed_min, speed_max : float
-        Measured range [m/s].
-    source : str
-        Table, angle, formulation and Poisson's ratio.
-    """
-
-    intercept: float
-    slope: float
-    speed_min: float
+    intercept: float  # LEM for v -> 0 [Pa], positive
+    slope: float  # [Pa s/m]
+    speed_min: float  # [m/s]
     speed_max: float
-    source: str
+    source: str  # table, angle, formulation and Poisson's ratio
 
     def __post_init__(self) -> None:
         """Raise ValueError unless the modulus is positive at every speed."""
@@ -112,28 +99,14 @@ class SpeedFit:
 
 @dataclass(frozen=True, kw_only=True)
 class PowerFit:
-    """LEM = modulus_at_reference (v/reference_speed)^exponent, fitted from ``speed_min`` to ``speed_max``.
+    """LEM = modulus_at_reference (v/reference_speed)^exponent, fitted from ``speed_min`` to ``speed_max``."""
 
-    Attributes
-    ----------
-    modulus_at_reference : float
-        LEM at the reference speed [Pa], positive.
-    reference_speed : float
-        Reference speed [m/s]; with 1 cm/s, modulus and exponent are the numbers of equations 5.3 and 5.4.
-    exponent : float
-        Exponent of the power law [1].
-    speed_min, speed_max : float
-        Measured range [m/s].
-    source : str
-        Table, angle, formulation and Poisson's ratio.
-    """
-
-    modulus_at_reference: float
+    modulus_at_reference: float  # [Pa], positive
     exponent: float
-    speed_min: float
+    speed_min: float  # [m/s]
     speed_max: float
-    source: str
-    reference_speed: float = 1 / _CM_PER_M
+    source: str  # table, angle, formulation and Poisson's ratio
+    reference_speed: float = 1 / _CM_PER_M  # [m/s]; gives the numbers of equations 5.3 and 5.4
 
     def __post_init__(self) -> None:
         """Raise ValueError for a fit that is not a modulus."""
@@ -152,28 +125,9 @@ class PowerFit:
 def linear_fit(number: str, *, angle_deg: float = 90, formulation: Formulation = "plane_stress") -> SpeedFit:
     """Fit a line to Table 5.5, 5.6 or 5.7 by least squares.
 
-    Parameters
-    ----------
-    number : str
-        ``"5.5"`` (90 deg only), ``"5.6"`` or ``"5.7"``.
-    angle_deg : float
-        90 or 45 [deg].
-    formulation : str
-        ``"plane_stress"`` or ``"plane_strain"``.
-
-    Returns
-    -------
-    SpeedFit
-        SI: intercept [Pa], slope [Pa s/m], valid from 0.001 to 0.0254 m/s.
-
-    Raises
-    ------
-    ValueError
-        If there is no such fit; Table 5.5 at 45 deg follows a power law, see :func:`power_fit`.
-
-    Notes
-    -----
-    Equations 5.1, 5.2 and 5.5 to 5.10; 5.6 and 5.7 are printed under each other's labels.
+    At 90 or 45 degrees, valid from 0.001 to 0.0254 m/s: equations 5.1, 5.2 and 5.5 to 5.10; 5.6 and 5.7 are printed
+    under each other's labels.  ValueError if there is no such fit; Table 5.5 at 45 deg follows a power law, see
+    :func:`power_fit`.
     """
     one_of("table number", number, ("5.5", "5.6", "5.7"))
     if number == "5.5" and angle_deg == 45:
@@ -201,23 +155,9 @@ def falls(
 ) -> tuple[float, float, Falls]:
     """Fit a non-increasing (isotonic) curve to Table 5.5, 5.6 or 5.7.
 
-    Parameters
-    ----------
-    number, angle_deg, formulation
-        See :func:`linear_fit`.
-
-    Returns
-    -------
-    intercept : float
-        LEM at the slowest speed [Pa].
-    slope : float
-        Mean slope, from 0 to the speed at which the last step ends [Pa s/m].
-    falls : tuple of (float, float, float)
-        Steps, see :mod:`cutenv.sim.tissue.effective_modulus`.
-
-    Notes
-    -----
-    Of all non-increasing curves, linear between the measured speeds, it is the nearest to the means.
+    Of all non-increasing curves, linear between the measured speeds, it is the nearest to the means.  Return the LEM at
+    the slowest speed [Pa], the mean slope from 0 to the speed at which the last step ends [Pa s/m], and the steps, see
+    :mod:`cutenv.sim.tissue.effective_modulus`.
     """
     speed, modulus, _ = _measured(number, angle_deg, formulation)
     level = _isotonic(modulus)
@@ -235,21 +175,10 @@ def falls(
 def power_fit(*, formulation: Formulation = "plane_stress") -> PowerFit:
     """Fit Table 5.5's power law (equations 5.3, 5.4) by logarithmic regression.
 
-    Parameters
-    ----------
-    formulation : str
-        ``"plane_stress"`` or ``"plane_strain"``.
-
-    Returns
-    -------
-    PowerFit
-        Valid from 0.001 to 0.0254 m/s; the reference speed is 1 cm/s.
-
-    Notes
-    -----
-    Of the two usual methods the logarithmic one is closer to the printed values: 24.24 v^-0.424 and 22.17 v^-0.432
-    against the printed 24.21 v^-0.42 and 22.17 v^-0.43 (kPa, v in cm/s); least squares of the moduli themselves
-    give 24.38 and 22.36. The 24.21 results with the 63 kPa of section 5.1's text in place of the table's 64.
+    It is valid from 0.001 to 0.0254 m/s.  Of the two usual methods the logarithmic one is closer to the printed values:
+    24.24 v^-0.424 and 22.17 v^-0.432 against the printed 24.21 v^-0.42 and 22.17 v^-0.43 (kPa, v in cm/s); least
+    squares of the moduli themselves give 24.38 and 22.36. The 24.21 results with the 63 kPa of section 5.1's text in
+    place of the table's 64.
     """
     speed, modulus, source = _measured("5.5", 45, formulation)
     exponent, log_modulus = np.polyfit(np.log(speed * _CM_PER_M), np.log(modulus), 1)

@@ -59,23 +59,8 @@ POISSON_CURE = f'Take {LARGEST_POISSON} for an incompressible tissue, or element
 def lame_parameters(formulation: str, poisson: float) -> tuple[float, float]:
     """Return the Lame parameters at unit Young's modulus.
 
-    Parameters
-    ----------
-    formulation : {"plane_stress", "plane_strain", "solid"}
-        Plane stress replaces lambda by ``2 lambda mu / (lambda + 2 mu)``; plane strain and the solid share
-        theirs.
-    poisson : float
-        Poisson's ratio [1], 0 to 0.499.
-
-    Returns
-    -------
-    lam, mu : float
-        Lame parameters in units of Young's modulus.
-
-    Raises
-    ------
-    ValueError
-        If the formulation is unknown or Poisson's ratio out of range.
+    Plane stress replaces lambda by ``2 lambda mu / (lambda + 2 mu)``; plane strain and the solid share theirs.
+    ValueError for an unknown formulation, or a Poisson's ratio outside 0 to 0.499.
     """
     one_of("formulation", formulation, FORMULATIONS)
     nu = in_range("poisson", poisson, 0.0, LARGEST_POISSON, "1", POISSON_CURE)
@@ -85,20 +70,9 @@ def lame_parameters(formulation: str, poisson: float) -> tuple[float, float]:
 
 
 def elastic_form(formulation: str, poisson: float, modulus: Array) -> BilinearForm:
-    """Return the weak form of elasticity with an element-wise modulus.
+    """Return the weak form of elasticity, to be assembled on vector elements.
 
-    Parameters
-    ----------
-    formulation : {"plane_stress", "plane_strain", "solid"}
-    poisson : float
-        Poisson's ratio [1], 0 to 0.499.
-    modulus : ndarray of shape (n_elements,)
-        Young's modulus of each element [Pa], or relative to a common one [1].
-
-    Returns
-    -------
-    skfem.BilinearForm
-        Form to be assembled on a basis of vector elements.
+    ``modulus`` of each element is in [Pa], or relative to a common one [1].
     """
     lam, mu = lame_parameters(formulation, poisson)
     per_element: Any = modulus[:, np.newaxis]  # against scikit-fem's (n_elements, n_quadrature_points)
@@ -109,20 +83,8 @@ def solid_stiffness(basis: Basis, poisson: float, modulus: Array) -> csr_array[n
     """Assemble a solid's stiffness from derivatives of scalar shape functions.
 
     The same matrix as from :func:`elastic_form`, to rounding; for bricks of 60 vector functions fifty times as fast,
-    because only the pairs of their 20 scalar ones are integrated.
-
-    Parameters
-    ----------
-    basis : skfem.Basis
-        Basis of the scalar element whose vector element the unknowns belong to.
-    poisson : float
-        Poisson's ratio [1], 0 to 0.499.
-    modulus : ndarray of shape (n_elements,)
-        Young's modulus of each element [Pa], or relative to a common one [1].
-
-    Returns
-    -------
-    csr_array of shape (n_unknowns, n_unknowns)
+    because only the pairs of their 20 scalar ones are integrated.  ``basis`` is that of the scalar element whose vector
+    element the unknowns belong to.
     """
     lam, mu = lame_parameters("solid", poisson)
     per_element: Any = modulus[:, np.newaxis]
@@ -145,15 +107,7 @@ def solid_stiffness(basis: Basis, poisson: float, modulus: Array) -> csr_array[n
 def strain_energy_density(basis: Basis, displacement: Array, formulation: str, poisson: float) -> Array:
     """Return each element's strain energy density at unit modulus, (n_elements,) [1].
 
-    Parameters
-    ----------
-    basis : skfem.Basis
-        Basis of vector elements.
-    displacement : ndarray of shape (n_unknowns,)
-        Displacement of each unknown [m].
-    formulation : {"plane_stress", "plane_strain", "solid"}
-    poisson : float
-        Poisson's ratio [1], 0 to 0.499.
+    ``displacement`` is that of each unknown [m].
     """
     lam, mu = lame_parameters(formulation, poisson)
     gradient = np.asarray(basis.interpolate(displacement).grad)  # (dim, dim, n_elements, n_quadrature_points)
@@ -167,23 +121,8 @@ def strain_energy_density(basis: Basis, displacement: Array, formulation: str, p
 def mixed_stiffness(basis: Basis, pressure: Basis, poisson: float, modulus: Array) -> csr_array[np.float64]:
     """Assemble the symmetric indefinite matrix of displacements, then pressures, at unit thickness.
 
-    Parameters
-    ----------
-    basis, pressure : skfem.Basis
-        Bases of vector and of scalar elements on one mesh, with one quadrature rule.
-    poisson : float
-        Poisson's ratio [1], 0 to 0.5.
-    modulus : ndarray of shape (n_elements,)
-        Young's modulus of each element over a common one [1].
-
-    Returns
-    -------
-    csr_array of shape (n_unknowns, n_unknowns)
-
-    Raises
-    ------
-    ValueError
-        If Poisson's ratio is out of range.
+    The bases, of vector and of scalar elements, share mesh and quadrature rule; ``modulus`` is each element's over a
+    common one.  ValueError for a Poisson's ratio outside 0 to 0.5.
     """
     shear, coupling, volume = _blocks(basis, pressure, poisson, modulus)
     return csr_array(block_array([[shear, coupling.T], [coupling, -volume]]))
@@ -235,16 +174,8 @@ _QUADRATURE_DEGREE = 5  # 3 x 3 Gauss points, as in the model of a straight cut;
 def element_stiffness(positions: Array, lam: float, mu: float) -> Array:
     """Return 8-node quadrilaterals' or 6-node triangles' stiffness at unit thickness.
 
-    Parameters
-    ----------
-    positions : array, shape (n, m, 2)
-        Nodes of n elements in the order of their m shape functions [m].
-    lam, mu : float
-        Lame parameters, see :func:`cutenv.sim.tissue.elasticity.lame_parameters`.
-
-    Returns
-    -------
-    array, shape (n, 2 m, 2 m)
+    ``positions``, (n, m, 2), are the nodes of n elements in the order of their m shape functions [m]; the result is (n,
+    2 m, 2 m).
     """
     gradients, weights = _shapes(positions.shape[1])
     jacobian = np.einsum("gma,nmi->ngia", gradients, positions)
@@ -270,24 +201,12 @@ def _shapes(nodes: int) -> tuple[Array, Array]:
 
 
 def local_compliance(
-    elements: Sequence[Sequence[Hashable]],
-    position: Callable[[Any], Array],
-    node: Hashable,
-    lam: float,
-    mu: float,
+    elements: Sequence[Sequence[Hashable]], position: Callable[[Any], Array], node: Hashable, lam: float, mu: float
 ) -> Array:
     """Return a node's displacement per force on it, shape (2, 2).
 
-    Parameters
-    ----------
-    elements : sequence of sequences of nodes
-        Nodes of 8-node quadrilaterals and 6-node triangles of a patch, corners first; the node lies inside.
-    position : callable
-        Position of a node [m], shape (2,).
-    node : hashable
-        Node that the force acts on.
-    lam, mu : float
-        Lame parameters of unit Young's modulus.
+    It lies inside a patch of 8-node quadrilaterals and 6-node triangles, given by their nodes, corners first, and
+    ``position`` of a node [m].
     """
     number: dict[Hashable, int] = {}
     for nodes in elements:

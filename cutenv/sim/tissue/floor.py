@@ -19,12 +19,9 @@ from cutenv.sim.tissue.description import TissueDescription
 from cutenv.sim.tissue.grid import N_POINTS, POINTS_PER_METRE, SPACING
 from cutenv.sim.tissue.layers import Layers, summed_toughness, toughness_within
 
-EDGE_LENGTH = 0.006
-"""Length of a blade's edge that meets the floor of a cut [m]; assumed, 3 to 10 mm."""
-BEDDING = 1.0
-"""Stiffness of the floor under an edge, per length, over the modulus [1]; assumed, 0.5 to 2."""
-FLOOR_EVERY = 0.010
-"""Time between two responses of an expected floor [s]."""
+EDGE_LENGTH = 0.006  # length of a blade's edge that meets the floor of a cut [m]; assumed, 3 to 10 mm
+BEDDING = 1.0  # stiffness of the floor under an edge, per length, over the modulus [1]; assumed, 0.5 to 2
+FLOOR_EVERY = 0.010  # time between two responses of an expected floor [s]
 _MOST_STEPS, _NEAR = 60, 0.05  # of the search for the depth by which the floor gives way; its relative step at the end
 
 
@@ -146,27 +143,10 @@ def expected_floor(
 ) -> tuple[Array, Array]:
     """Return the floor expected in a tissue under a blade's path.
 
-    Parameters
-    ----------
-    tissue : TissueDescription
-        Tissue whose mean resistance and modulus the floor has.
-    surface : array, shape (301,)
-        Depth of cut of a blade at height 0, every 0.5 mm from the clamp [m].
-    path : BladePath
-        Motion of the blade; the tip never goes back.
-    layers : Layers, optional
-        Layers over the depth; default one tissue throughout.
-
-    Returns
-    -------
-    depth : array, shape (m,)
-        Depth of the floor below the surface at each point of the grid up to the tip [m].
-    engaged : array, shape (n,)
-        Level down to which the blade was engaged at the tip [m].
-
-    Notes
-    -----
-    Edge and bedding are assumed: :data:`EDGE_LENGTH`, :data:`BEDDING`.
+    Of the floor, which has the tissue's mean resistance and modulus: the depth below the surface at each point of the
+    grid up to the tip [m], and the level down to which the blade was engaged at the tip [m].  ``surface`` is the depth
+    of cut of a blade at height 0, (301,) [m]; the tip of ``path`` never goes back.  Edge and bedding are assumed:
+    :data:`EDGE_LENGTH`, :data:`BEDDING`.
     """
     record = np.zeros(1, FLOOR_RECORD)
     record["toughness"] = (1.0 - tissue.friction_share) * tissue.fracture_resistance

@@ -1,7 +1,4 @@
-"""Grid of points along the cut line of a specimen.
-
-A specimen is described there; the depth of cut, and smooth random fields, are given at its points.
-"""
+"""Grid of points along the cut line: depth of cut and random fields."""
 
 from __future__ import annotations
 
@@ -16,13 +13,11 @@ from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range
 from cutenv._engine.elementary import exp, log
 
-LENGTH = 0.15
-"""Length of a specimen [m]."""
+LENGTH = 0.15  # length of a specimen [m]
 
 # Linear interpolation between points errs by less than 0.1 % of K at the shortest admitted correlation length (15 mm),
 # and a specimen's profile fits into 7 kB, inside a first-level cache.
-SPACING = 0.5e-3
-"""Distance between the points of a specimen's profiles [m]."""
+SPACING = 0.5e-3  # distance between the points of a specimen's profiles [m]
 
 POINTS_PER_METRE = 1.0 / SPACING
 N_POINTS = round(LENGTH / SPACING) + 1
@@ -48,14 +43,9 @@ def bulge(y: ArrayLike, *, edge: float, crown: float, rise_length: float, length
 
         1 / B^n = 1 / crown^n + 1 / rise(y)^n + 1 / fall(length - y)^n
 
-    with n = 6, rise(y) = edge + (crown - edge) y / rise_length, and fall likewise over 1 cm.  With this profile the
-    stiffness changes slowly over the length by which the blade leads the tip: a crack that runs into ever stiffer
-    tissue would have no energy to go on.
-
-    Parameters
-    ----------
-    edge, crown, rise_length, length : float
-        Depth at the clamp and at the crown, length over which it grows from the one to the other, specimen length [m].
+    with n = 6, rise(y) = edge + (crown - edge) y / rise_length, and fall likewise over 1 cm; all lengths in [m].  With
+    this profile the stiffness changes slowly over the length by which the blade leads the tip: a crack that runs into
+    ever stiffer tissue would have no energy to go on.
     """
     in_range("edge", edge, 1e-4, 0.05, "m", "The measured range of depth is 0.001 to 0.02 m.")
     in_range("crown", crown, edge, 0.1, "m", "The crown is no thinner than the edge.")

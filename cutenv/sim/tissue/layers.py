@@ -1,7 +1,4 @@
-"""Layers of a slab over its depth.
-
-A capsule, the tissue that was measured, and another tissue below.
-"""
+"""Layers of a slab: a capsule, the measured tissue, another tissue below."""
 
 from __future__ import annotations
 
@@ -69,10 +66,7 @@ def toughness_within(layers: Struct, depth: float) -> float:
 
 @njit_inline
 def summed_toughness(layers: Struct, depth: float) -> float:
-    """Return relative toughness integrated from the surface to ``depth`` [m].
-
-    It is exactly ``depth`` where the layers are alike.
-    """
+    """Return relative toughness integrated from the surface to ``depth`` [m], exact in like layers."""
     capsule, deep = min(depth, layers.capsule_thickness), max(depth - layers.boundary, 0.0)
     total: float = depth + ((layers.capsule_toughness - 1.0) * capsule + (layers.deep_toughness - 1.0) * deep)
     return total

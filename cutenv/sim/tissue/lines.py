@@ -1,7 +1,4 @@
-"""Drawn lines to cut along.
-
-Straight, arc, S, part of an ellipse, random smooth ones, and through given points.
-"""
+"""Drawn lines: straight, arc, S, part of an ellipse, random, through points."""
 
 from __future__ import annotations
 
@@ -35,9 +32,7 @@ Pair: TypeAlias = tuple[Array, Array] | Array
 
 
 class CutLine(NamedTuple):
-    """Drawn line, at points every 0.5 mm of its length.
-
-    Each part has shape (301,).
+    """Drawn line, at points every 0.5 mm of its length, each part (301,).
 
     It starts at the clamp, x = 0; y = 0 is the middle of the slab.
     """
@@ -60,19 +55,8 @@ def straight() -> CutLine:
 def arc(radius: float, *, start: float = 0.0, turn: float = math.pi / 4.0) -> CutLine:
     """Return a line bent along an arc, square to the clamp.
 
-    Parameters
-    ----------
-    radius : float
-        [m], 20 mm or more; negative: to the right.
-    start : float
-        Length of line before the arc [m].
-    turn : float
-        Angle by which the arc turns [rad]; beyond it the line goes on straight.
-
-    Raises
-    ------
-    ValueError
-        If it bends or turns too far.
+    The radius [m] is 20 mm or more, negative to the right; ``start`` is the length of line before the arc [m], ``turn``
+    the angle by which it turns [rad], beyond which the line goes on straight.  ValueError if it bends or turns too far.
     """
     size = in_range("radius", abs(radius), 1.0 / LARGEST_CURVATURE, 1e3, "m", _BEND_CURE)
     start = in_range("start", start, 0.0, LENGTH, "m", "Give the length of line before the arc.")
@@ -89,12 +73,8 @@ def mirrored(line: CutLine) -> CutLine:
 def s_shape(radius: float, length: float = 0.1) -> CutLine:
     """Return an S-shaped line that ends parallel to the slab's axis.
 
-    Parameters
-    ----------
-    radius : float
-        Least radius [m], 20 mm or more; negative: first to the right.
-    length : float
-        Length of the S [m], 20 mm to 150 mm; beyond it the line is straight.
+    The least radius [m] is 20 mm or more, negative first to the right; the S is 20 mm to 150 mm long [m], and beyond it
+    the line is straight.
     """
     size = in_range("radius", abs(radius), 1.0 / LARGEST_CURVATURE, 1e3, "m", _BEND_CURE)
     length = in_range("length", length, 0.02, LENGTH, "m", "Give the length of the S.")
@@ -105,19 +85,11 @@ def s_shape(radius: float, length: float = 0.1) -> CutLine:
 def half_ellipse(length: float = 0.08, height: float = 0.015, end_angle: float | None = None) -> CutLine:
     """Return one side of an elliptical excision, from axis to axis.
 
-    Parameters
-    ----------
-    length, height : float
-        Of the part of an ellipse that a chord cuts off, from end to end and to its summit [m]; a negative height is on
-        the right. A whole half would leave the axis at right angles, where no blade can begin.
-    end_angle : float, optional
-        Angle to the axis at which it leaves and comes back [rad], more than that of a parabola of this height. By
-        default the chord is at 0.7 of the half axis of the ellipse.
-
-    Raises
-    ------
-    ValueError
-        If it leaves the slab, bends too far, or no ellipse has this angle.
+    ``length`` and ``height`` are those of the part of an ellipse that a chord cuts off, from end to end and to its
+    summit [m]; a negative height is on the right. A whole half would leave the axis at right angles, where no blade can
+    begin. ``end_angle`` is that to the axis at which it leaves and comes back [rad], more than that of a parabola of
+    this height; by default the chord is at 0.7 of the half axis of the ellipse.  ValueError if it leaves the slab,
+    bends too far, or no ellipse has this angle.
     """
     length = in_range("length", length, 0.02, LENGTH, "m", "Give the distance between the ends of the excision.")
     size = in_range("height", abs(height), 1e-3, WIDTH / 2.0 - SIDE_MARGIN, "m", "Give the height of one side.")
@@ -140,10 +112,7 @@ def half_ellipse(length: float = 0.08, height: float = 0.015, end_angle: float |
 
 
 def random_line(rng: np.random.Generator, largest_curvature: float = 30.0, least_length: float = 0.1) -> CutLine:
-    """Draw a smooth line with ``least_length`` [m] in the slab.
-
-    It has two waves of curvature [1/m].
-    """
+    """Draw a smooth line of two waves with ``least_length`` [m] in the slab."""
     largest_curvature = in_range("largest_curvature", largest_curvature, 0.0, LARGEST_CURVATURE, "1/m", _BEND_CURE)
     s = np.arange(N_POINTS) * SPACING
     while True:
@@ -158,14 +127,9 @@ def random_line(rng: np.random.Generator, largest_curvature: float = 30.0, least
 
 
 def bent(curvature: ArrayLike) -> CutLine:
-    """Return the line of a given curvature [1/m], square to the clamp.
+    """Return the line of a given curvature [1/m], (301,), square to the clamp.
 
-    The curvature is at its 301 points.  It may leave the slab, see :func:`length_within`.
-
-    Raises
-    ------
-    ValueError
-        If it bends or turns too far; the message names the place.
+    It may leave the slab, see :func:`length_within`.  ValueError, which names the place, if it bends or turns too far.
     """
     given = np.asarray(curvature, dtype=float)
     if given.shape != (N_POINTS,) or not np.isfinite(given).all():
@@ -198,19 +162,11 @@ def places_within(line: CutLine) -> Array:
 
 
 def through(points: ArrayLike) -> CutLine:
-    """Return the smooth line through points.
+    """Return the smooth line through points, straight beyond the last one.
 
-    Beyond the last one it goes on straight.
-
-    Parameters
-    ----------
-    points : array_like, shape (n, 2)
-        Places along and across the slab [m], three or more, from the clamp (0, 0) on, each further along than the last.
-
-    Raises
-    ------
-    ValueError
-        If a place is outside the slab, the line turns back or bends too far; the message names the place.
+    The points, (n, 2), are three or more places along and across the slab [m], from the clamp (0, 0) on, each further
+    along than the last.  ValueError, which names the place, if one is outside the slab, or the line turns back or bends
+    too far.
     """
     given = np.asarray(points, dtype=float)
     if given.ndim != 2 or given.shape[1] != 2 or len(given) < 3 or not np.isfinite(given).all():

@@ -59,10 +59,7 @@ class ElementKind:
     def reduced(self) -> ElementKind:
         """Return the element with two Gauss points per axis.
 
-        Raises
-        ------
-        ValueError
-            For a linear element, whose hourglass modes one point would not resist, and for a mixed one.
+        ValueError for a linear element, whose hourglass modes one point would not resist, and for a mixed one.
         """
         if not self.has_midside_nodes or self.has_pressure:
             raise ValueError('integration="reduced" goes with "quad8" and "hex20". Take one, or integration="full".')
@@ -83,10 +80,7 @@ ELEMENT_KINDS = {
 def checked_divisions(element: str, divisions: Sequence[int] | None) -> tuple[int, ...]:
     """Return a mesh's divisions, by default the thesis's.
 
-    Raises
-    ------
-    ValueError
-        If there are not as many whole numbers as dimensions, the first is odd, or one is too small.
+    ValueError unless there are as many whole numbers as dimensions, the first even, and none too small.
     """
     usual = ELEMENT_KINDS[element].divisions
     if divisions is None:
@@ -110,24 +104,12 @@ def checked_divisions(element: str, divisions: Sequence[int] | None) -> tuple[in
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CutMesh:
-    """Nodes and elements of the specimen, and paired nodes.
-
-    A pair of nodes faces each other across the cut line.
+    """Nodes and elements of the specimen, with pairs of nodes across the cut.
 
     Unknowns are numbered node by node, ``dim * node + component``, as in scikit-fem: first the corners, then the
-    mid-side nodes; the pressures of a mixed element, one per corner, come last.
-
-    Parameters
-    ----------
-    kind : ElementKind
-    divisions : tuple of int
-        Elements across, along and, in 3-D, through the specimen; the first is even.
-    size : tuple of float
-        Width, length and, in 3-D, thickness [m].
-    shift : int
-        Elements from the centre line to the cut line, towards +x.
-    earlier : tuple of (int, int)
-        Earlier cuts beside: elements from the cut line to each, towards +x, and its length in elements.
+    mid-side nodes; the pressures of a mixed element, one per corner, come last.  ``divisions`` are elements across,
+    along and, in 3-D, through the specimen, ``size`` the same in [m], ``shift`` the elements from the centre line to
+    the cut line, towards +x, and ``earlier`` those from the cut line to each earlier cut, with its length in elements.
     """
 
     kind: ElementKind
@@ -298,20 +280,11 @@ class CutMesh:
     def constraints(self, tip: int = -1) -> csr_array[np.float64]:
         """Return the motion of every unknown per free one, under constraints.
 
-        Nodes on the clamped edge do not move. A tied pair shares all components of its displacement. A pair
-        strictly behind the tip slips along the line and shares the rest: across it, so that the faces neither
-        open nor overlap, and in 3-D through the thickness, since the faces may slide along the line but not
-        leave it. The same holds for the faces of earlier cuts behind where these ended.
-
-        Parameters
-        ----------
-        tip : int
-            Number of the tip, 0 at the first corner from the clamp; -1, the default, ties every pair; the
-            number of tips unties every pair.
-
-        Returns
-        -------
-        csr_array of shape (n_unknowns, n_free)
+        Nodes on the clamped edge do not move. A tied pair shares all components of its displacement. A pair strictly
+        behind the tip slips along the line and shares the rest: across it, so that the faces neither open nor overlap,
+        and in 3-D through the thickness, since the faces may slide along the line but not leave it. The same holds for
+        the faces of earlier cuts behind where these ended.  Tips are counted from 0 at the first corner from the clamp;
+        -1 ties every pair, the number of tips unties every pair.
         """
         unknown = np.arange(self.nodes.size).reshape(-1, self.dim)
         follows = unknown.copy()

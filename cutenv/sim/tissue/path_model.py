@@ -1,7 +1,4 @@
-"""Finite-element model of a slab, cut along a drawn line.
-
-The mesh follows the line.
-"""
+"""Finite-element model of a slab, whose mesh follows a drawn line."""
 
 from __future__ import annotations
 
@@ -31,15 +28,7 @@ _ROUNDING = 1e-10  # of a solution, over modulus and thickness
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PathMesh(CutMesh):
-    """Mesh of a straight cut, shifted onto a drawn line.
-
-    It is shifted across; the slab's sides stay.
-
-    Parameters
-    ----------
-    drawn : CutLine
-        Drawn line; its left is the side of -x.
-    """
+    """Straight cut's mesh, shifted across onto a drawn line, left to -x."""
 
     drawn: CutLine
 
@@ -153,18 +142,8 @@ class PathModel:
     def converted_stiffness(self, element: float) -> Array:
         """Return the tips' stiffness with square elements, shape (n_tips, 2, 2).
 
-        Where the line is oblique, elements are, and a point force feels them; see
-        :mod:`cutenv.sim.tissue.elasticity`.
-
-        Parameters
-        ----------
-        element : float
-            Size of the squares [m]; for 8-node elements.
-
-        Raises
-        ------
-        ValueError
-            If the elements are others, or the size is out of range.
+        Where the line is oblique, elements are, and a point force feels them; see :mod:`cutenv.sim.tissue.elasticity`.
+        ``element`` is the size of the squares [m]; ValueError if it is out of range, or the elements have not 8 nodes.
         """
         one_of("element of the model", self.element, ("quad8",))
         size = in_range("element", element, 1e-4, 1.0, "m", METRES)
@@ -188,12 +167,7 @@ class PathModel:
     def displacement(self, tip: int, force: ArrayLike) -> Array:
         """Return nodes' displacement times modulus and thickness [N], (n_nodes, 2).
 
-        Parameters
-        ----------
-        tip : int
-            Number of the tip.
-        force : array_like, shape (2,)
-            On the tip, along the line and to its left [N].
+        ``force``, (2,), is on the tip of that number, along the line and to its left [N].
         """
         tip = int(in_range("tip", tip, 0, len(self.tips) - 1, "1", "Give the number of a tip."))
         unknowns = self._solved[1][:, tip] @ (self._frames[tip] @ np.asarray(force, dtype=float))

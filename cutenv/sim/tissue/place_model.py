@@ -31,8 +31,7 @@ from cutenv.sim.tissue.grid import N_POINTS, SPACING
 from cutenv.sim.tissue.lines import WIDTH, CutLine
 from cutenv.sim.tissue.tables import FOLDER
 
-FARTHEST = 0.006
-"""Distance of a tip from its line [m] up to which its stiffness changes; farther away it is kept."""
+FARTHEST = 0.006  # distance of a tip from its line [m] up to which its stiffness changes; farther away it is kept
 _RISE = 0.1  # length to which c7 refers [m]
 _PROBE = 0.003  # distance on both sides of a line at which its rates are taken [m]
 _FILE = "place_model.json"
@@ -42,8 +41,7 @@ class TipStiffness(NamedTuple):
     """Stiffness matrices [N/m], or [1], at n tip places, shape (n,)."""
 
     along: Array
-    coupled: Array
-    """Force along the line per displacement to its left."""
+    coupled: Array  # force along the line per displacement to its left
     across: Array
 
 
@@ -88,14 +86,8 @@ def store_numbers(numbers: Array) -> None:
 def stiffness_by_place(numbers: tuple[float, ...] | Array, x: Array, y: Array, straight: TipStiffness) -> TipStiffness:
     """Return M in the slab's axes, in the unit of ``straight``.
 
-    Parameters
-    ----------
-    numbers : sequence of 7 floats
-        c1 to c7.
-    x, y : array, shape (n,)
-        Places of the tip along and across the slab [m].
-    straight : TipStiffness
-        Stiffness along a straight cut, shape (301,).
+    ``numbers`` are c1 to c7, ``x`` and ``y`` places of the tip along and across the slab, (n,) [m], and ``straight``
+    the stiffness along a straight cut, (301,).
     """
     c1, c2, c3, c4, c5, c6, c7 = numbers
     grid = np.arange(N_POINTS) * SPACING

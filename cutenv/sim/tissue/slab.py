@@ -53,20 +53,11 @@ def zoned_model(
 ) -> CutModel:
     """Return a model with zones along the cut.
 
-    Each row of elements across the specimen gets the mean of modulus times thickness over its length.
-
-    Parameters
-    ----------
-    model : CutModel
-        Model of a uniform modulus.
-    borders : array_like of shape (k - 1,)
-        Borders between the zones [m], increasing, between 0 and the length.
-    moduli : array_like of shape (k,)
-        Modulus of each zone, from the clamp on, over a common one [1]; or in pascals, and then the methods take
-        ``modulus=1``.
-    depth : callable, optional
-        Thickness [m] of a plane model at distances from the clamp [m], as `cutenv.records.measurement.DepthProfile.at`;
-        the methods then take ``thickness=model.thickness``. By default uniform.
+    Each row of elements across the specimen gets the mean of modulus times thickness over its length.  The k - 1
+    ``borders`` [m] increase between 0 and the length; the k ``moduli``, from the clamp on, are over a common one [1],
+    or in pascals, and then the methods take ``modulus=1``.  ``depth`` gives the thickness [m] of a plane model at
+    distances from the clamp [m], as `cutenv.records.measurement.DepthProfile.at`; the methods then take
+    ``thickness=model.thickness``.
 
     Raises
     ------
@@ -114,8 +105,7 @@ def _row_moduli(
     return np.asarray(np.bincount(row, product * part) / np.bincount(row, part))
 
 
-UNKNOWNS = 8
-"""Number of unknowns kept on each border between rows."""
+UNKNOWNS = 8  # number of unknowns kept on each border between rows
 _FIELDS, _FIELD_CV, _FIELD_POINTS, _FIELD_LENGTH = 60, 0.5, 20, 0.020  # sample fields for the basis; points per row
 
 
@@ -123,19 +113,12 @@ class Condensed(NamedTuple):
     """Condensed row stiffness in border unknowns, for modulus and thickness 1.
 
     The last unknown of a border is the displacement of the tip there; the others do not move the tip.
-
-    Attributes
-    ----------
-    lower, across, upper : ndarray of shape (n_rows, 8, 8)
-        Blocks of a row's stiffness: border nearer to the clamp with itself, with the farther one, farther with itself.
-    kappa : ndarray of shape (n_rows,)
-        Unit stiffness of the full model at modulus 1, with the tip on each farther border [1].
     """
 
-    lower: Array
-    across: Array
-    upper: Array
-    kappa: Array
+    lower: Array  # a row's border nearer to the clamp with itself, (n_rows, 8, 8)
+    across: Array  # with the farther one
+    upper: Array  # farther with itself
+    kappa: Array  # unit stiffness of the full model, with the tip on each farther border [1], (n_rows,)
 
 
 def condensed(model: CutModel) -> Condensed:
@@ -214,12 +197,9 @@ def _basis(shapes: Array) -> Array:
     return np.column_stack([leading @ rest, leading @ tip / (tip @ tip)])
 
 
-ROWS = 15
-"""Number of rows of elements along the cut, one centimetre each."""
-THICKNESS = 0.025
-"""Thickness T of a slab of liver (thesis 3.2) [m]."""
-DEPTHS = np.linspace(0.0, 1.0, 51)
-"""Values of B/T in the table of partial depth."""
+ROWS = 15  # number of rows of elements along the cut, one centimetre each
+THICKNESS = 0.025  # thickness T of a slab of liver (thesis 3.2) [m]
+DEPTHS = np.linspace(0.0, 1.0, 51)  # values of B/T in the table of partial depth
 _IN_ROW = (N_POINTS - 1) // ROWS  # points of a field per row
 _STEPS = len(DEPTHS) - 1
 
@@ -244,12 +224,8 @@ def slab_of(element: str, formulation: str, poisson: float) -> NDArray[Any]:
     """Return a plane model's :data:`SLAB`, shape (1,), read-only.
 
     That of pig liver is stored in ``assets/derived/slab.json``, so that every machine starts from the same digits;
-    others are computed.
-
-    Raises
-    ------
-    ValueError
-        For a solid model: thickness is treated by the table of partial depth, which bricks gave.
+    others are computed.  ValueError for a solid model: thickness is treated by the table of partial depth, which bricks
+    gave.
     """
     if formulation == "solid":
         raise ValueError(
@@ -294,11 +270,7 @@ def _prepare(slabs: Array) -> None:
 def stiffness_along(slab: NDArray[Any], modulus: Array, depth: Array, thickness: float) -> Array:
     """Return K along a specimen, shape (301,) [N/m].
 
-    Parameters
-    ----------
-    slab : array of :data:`SLAB`, shape (1,)
-    modulus, depth : array, shape (301,)
-        Modulus of the material [Pa]; depth of the cut [m], up to ``thickness`` [m].
+    ``modulus`` [Pa] and ``depth`` [m] of the cut, up to ``thickness`` [m], are of shape (301,).
     """
     stiffness, effective, share = np.empty(N_POINTS), np.empty(N_POINTS), np.empty(N_POINTS)
     partial_depth(slab, depth, thickness, effective, share)
@@ -511,25 +483,11 @@ def at_depth(slab: Struct, i: int, depth: float, thickness: float) -> tuple[floa
 def effective_depth(cut_length: ArrayLike, depth: ArrayLike, thickness: float = THICKNESS) -> Array:
     """Return effective depth T g(a, B/T) [m].
 
-    In a slab of modulus E, K = E kappa(a) times this; it is B itself where the slab is cut through.
+    In a slab of modulus E, K = E kappa(a) times this; it is B itself where the slab is cut through.  A cut deeper than
+    the slab counts as one through a slab of its depth; a and B [m] broadcast.
 
-    Parameters
-    ----------
-    cut_length, depth : array_like
-        Distance of the tip from the clamp, and depth of the cut [m]; broadcast.  If the cut is deeper than the slab,
-        the slab counts as equally thick.
-    thickness : float
-        Thickness of the slab [m].
-
-    Returns
-    -------
-    ndarray of float64
-        Effective depth [m], of the broadcast shape.
-
-    Notes
-    -----
-    The table is from bricks with a Poisson's ratio of 0.3 and T = 2.5 cm (``scripts/derivations/partial_depth.py``).
-    It holds for elements of 1 cm, as ``CutModel`` has: on smaller ones a shallow cut is less stiff.
+    The table is from bricks with a Poisson's ratio of 0.3 and T = 2.5 cm (``scripts/derivations/partial_depth.py``). It
+    holds for elements of 1 cm, as ``CutModel`` has: on smaller ones a shallow cut is less stiff.
     """
     a, B = np.broadcast_arrays(np.asarray(cut_length, np.float64), np.asarray(depth, np.float64))
     ratio = np.asarray(_kept("partial_depth")["stiffness_ratio"])

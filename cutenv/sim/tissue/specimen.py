@@ -105,9 +105,7 @@ class Specimen:
     ) -> Specimen:
         """Make a uniform specimen: modulus [Pa], fracture resistance [J/m2], depth [m].
 
-        Friction share of ``tissue``.
-
-        By default it is cut through: a slice as thick as the cut is deep.
+        By default it has the friction share of ``tissue``, and is cut through: a slice as thick as the cut is deep.
         """
         tissue = tissue or measured_liver()
         if friction_share is not None:
@@ -157,16 +155,11 @@ class Specimen:
             episode.
         specimen_class : {"uniform", "liver", "vascular", "mixed"}
             ``uniform`` has no spread, the mean values of ``tissue`` and its mean depth; ``vascular`` adds 1 or 2 tough
-            inclusions; ``mixed`` is ``liver`` or ``vascular``, half each.
+            inclusions; ``mixed`` is ``liver`` or ``vascular``, half each.  ValueError for another one.
         tissue : TissueDescription, optional
             Default: the measured pig liver.
         liver_factor : float, optional
             Factor from :func:`draw_liver`, to sample several cuts of one liver; by default a liver is sampled too.
-
-        Raises
-        ------
-        ValueError
-            If the class is unknown.
         """
         _check_generator(rng)
         if liver_factor is not None:
@@ -186,12 +179,7 @@ class Specimen:
     ) -> Specimen:
         """Return a random key's specimen, the same in environments and batches.
 
-        Parameters
-        ----------
-        seed, episode : int
-            Key of the environment, 0 to 2**64 - 1.
-        specimen_class, tissue, liver_factor
-            See :meth:`draw`.
+        ``seed`` and ``episode``, 0 to 2**64 - 1, are the key of the environment; for the others see :meth:`draw`.
         """
         check_key(seed, episode)
         key = np.uint64(seed), np.uint64(episode)
@@ -373,10 +361,7 @@ class SurfaceSpread:
 
 @njit
 def vary_surface(key: Key, spread: float, thickness: float, modes: Array, depth: Array) -> None:
-    """Vary a slice's ``depth`` of cut at level 0 [m], (301,).
-
-    It remains within the slab's ``thickness`` [m].
-    """
+    """Vary a slice's ``depth`` of cut at level 0, (301,), within its ``thickness`` [m]."""
     deviation = np.empty(N_POINTS)
     smooth_field(key, SURFACE, _FIRST, modes, deviation)
     for i in range(N_POINTS):
@@ -385,9 +370,7 @@ def vary_surface(key: Key, spread: float, thickness: float, modes: Array, depth:
 
 @dataclass(frozen=True, kw_only=True)
 class BladeWear:
-    """Linear rise of R with the length cut.
-
-    R (1 + ``blade_wear`` (``blade_used`` + y)) at y along the cut.
+    """Linear rise of R with the length cut: R (1 + ``blade_wear`` (``blade_used`` + y)).
 
     The thesis used one kind of blade, No. 10 of stainless steel, and tells nothing of its wear or of when it was
     changed.  A blunter edge takes more force to start and to carry on a crack; here both rise alike.

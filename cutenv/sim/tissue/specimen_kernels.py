@@ -33,12 +33,9 @@ from cutenv.sim.tissue.description import TissueDescription
 from cutenv.sim.tissue.grid import LENGTH, N_POINTS, SPACING, bulge, field_modes, lognormal_sigma
 from cutenv.sim.tissue.slab import SLAB, partial_depth
 
-INCLUSION_FACTOR = (1.5, 2.5)
-"""Toughness of an inclusion over that of its surroundings (assumed)."""
-INCLUSION_LENGTH = (0.002, 0.005)
-"""Length of an inclusion [m] (assumed)."""
-INCLUSION_PLACE = (0.015, 0.095)
-"""Position of an inclusion's centre, where cuts of 60 to 100 mm can meet it [m]."""
+INCLUSION_FACTOR = (1.5, 2.5)  # toughness of an inclusion over that of its surroundings (assumed)
+INCLUSION_LENGTH = (0.002, 0.005)  # length of an inclusion [m] (assumed)
+INCLUSION_PLACE = (0.015, 0.095)  # position of an inclusion's centre, where cuts of 60 to 100 mm can meet it [m]
 _INCLUSION_EDGE = 0.25e-3  # [m], width of the transition at either end
 _EDGES = 20.0  # edge widths beyond which tanh is 1 to the last digit
 _INCLUSIONS = 2  # largest number
@@ -142,22 +139,11 @@ def is_vascular(seed: Integer, episode: Integer) -> bool:
 def sample_profiles(
     key: Key, liver_factor: float, recipe: Struct, modes: Array, profiles: MaterialProfiles
 ) -> tuple[float, float]:
-    """Sample a specimen.
+    """Sample a specimen into ``profiles``.
 
-    Return its friction per depth [N/m] and its ``inclined_ratio`` [1].
-
-    Parameters
-    ----------
-    key : tuple of int
-        Random key: seed and episode.
-    liver_factor : float
-        Stiffness of the liver relative to the mean [1]; 0: sampled too.
-    recipe : Record
-        :data:`SAMPLER`.
-    modes : array, shape (n_modes, 301)
-        Modes of the random fields.
-    profiles : MaterialProfiles
-        Filled.
+    Return its friction per depth [N/m] and its ``inclined_ratio`` [1].  ``key`` is seed and episode, ``liver_factor``
+    the stiffness of the liver relative to the mean, 0 to sample it too, ``recipe`` a :data:`SAMPLER`, and ``modes``
+    those of the random fields, (n_modes, 301).
     """
     seed, episode = key
     modulus, resistance = profiles.modulus, profiles.fracture_resistance

@@ -24,8 +24,7 @@ from cutenv.sim.tissue.mesh import ELEMENT_KINDS, CutMesh
 from cutenv.sim.tissue.path_model import PathMesh
 from cutenv.sim.tissue.tip_response import sparse_factors
 
-MeshPlace = tuple[int, int]
-"""Place of a node in half elements, along and across."""
+MeshPlace = tuple[int, int]  # place of a node in half elements, along and across
 
 AROUND: tuple[MeshPlace, ...] = ((2, 0), (2, 2), (2, -2), (0, 2), (0, -2), (-2, 2), (-2, -2), (-2, 0))
 """Steps to the eight corners around a corner."""
@@ -34,10 +33,7 @@ _SAME = 1e-11  # [m]
 
 
 class Part(NamedTuple):
-    """A finite element.
-
-    The places of its nodes, in the order of its shape functions.
-    """
+    """Places of a finite element's nodes, in the order of its shape functions."""
 
     places: tuple[MeshPlace, ...]
 
@@ -50,15 +46,8 @@ class Part(NamedTuple):
 class SplitMesh:
     """Rows of quadrilaterals, some of them split into triangles.
 
-    Parameters
-    ----------
-    corners : array, shape (n_along + 1, n_across + 1, 2)
-        Position of each corner, along the slab and across it to the left [m].
-
-    Attributes
-    ----------
-    positions : array, shape (2 n_along + 1, 2 n_across + 1, 2)
-        Of all places [m].
+    ``corners``, (n_along + 1, n_across + 1, 2), are along the slab and across it to the left [m]; ``positions`` are
+    those of all places, (2 n_along + 1, 2 n_across + 1, 2).
     """
 
     def __init__(self, corners: Array) -> None:
@@ -69,8 +58,7 @@ class SplitMesh:
         self.positions[1::2, ::2] = 0.5 * (corners[1:] + corners[:-1])
         self.positions[::2, 1::2] = 0.5 * (corners[:, 1:] + corners[:, :-1])
         self.split: dict[MeshPlace, tuple[Part, Part]] = {}
-        self.moved: set[MeshPlace] = set()
-        """Cells that no longer have their first shape."""
+        self.moved: set[MeshPlace] = set()  # cells that no longer have their first shape
 
     def copy(self) -> SplitMesh:
         """Return an independent copy."""
@@ -120,10 +108,7 @@ class SplitMesh:
         return cell
 
     def thinnest_after(self, corner: MeshPlace, to: Array, crossed_from: MeshPlace | None = None) -> float:
-        """Return twice the smallest element area after moving ``corner`` [m2].
-
-        ``crossed_from``: opposite corner of the cell that would be split.
-        """
+        """Return twice the least element area after moving ``corner`` over ``crossed_from``'s cell [m2]."""
         x, y = float(to[0]), float(to[1])
         least = math.inf
         for cell in self.cells_at(corner):
@@ -212,28 +197,16 @@ def _triangle(corners: list[MeshPlace]) -> Part:
     return Part((a, b, c, halfway(a, b), halfway(b, c), halfway(a, c)))
 
 
-SAME_PLACE = 1e-9
-"""Largest distance between places that are the same, in elements."""
+SAME_PLACE = 1e-9  # largest distance between places that are the same, in elements
 _THINNEST = 0.1  # of a cell: an element that would become smaller at a corner is no way for the crack
 _ON_THE_WAY = 0.3  # of an element: a node that is nearer to the tip is no next one
 
 
 class Crack:
-    """The crack that grows, among earlier ones.
+    """The crack that grows, among earlier ones, in a mesh of elements of a size [m].
 
-    Parameters
-    ----------
-    mesh : SplitMesh
-        Mesh that it passes.
-    element : float
-        Size of an element [m].
-
-    Attributes
-    ----------
-    corners : list of tuple of int
-        Corners that it has passed, the last of them the tip.
-    angles : list of float
-        Its direction at each [rad], to the left of the slab's axis.
+    ``corners`` are those that it has passed, the last of them the tip, ``angles`` its direction at each [rad], to the
+    left of the slab's axis.
     """
 
     def __init__(self, mesh: SplitMesh, element: float) -> None:
@@ -250,13 +223,7 @@ class Crack:
 
     @property
     def tip(self) -> MeshPlace:
-        """Place of the tip.
-
-        Raises
-        ------
-        ValueError
-            If no cut has begun.
-        """
+        """Place of the tip; raises ValueError if no cut has begun."""
         if not self.corners:
             raise ValueError("The model has no cut yet: begin one.")
         return self.corners[-1]
@@ -291,10 +258,7 @@ class Crack:
         return distance < _ON_THE_WAY * self.element
 
     def can_move(self, corner: MeshPlace, to: Array) -> bool:
-        """Return True if a corner can move to a point [m].
-
-        It moves on its edge, and leaves no element too thin.
-        """
+        """Return True if a corner can move to a point [m] without thin elements."""
         if self.mesh.leaves_edge(corner, to):
             return False
         start = self.corners[-1] if self.corners else corner
@@ -302,13 +266,7 @@ class Crack:
         return self.mesh.thinnest_after(corner, to, crossed) > _THINNEST * self.element**2
 
     def nearest(self, to: Callable[[MeshPlace], Array | None]) -> tuple[MeshPlace, Array] | None:
-        """Return the least-moved corner to become next, with its target.
-
-        Parameters
-        ----------
-        to : callable
-            Gives the point to which a corner would move [m], or nothing if it is not on the way.
-        """
+        """Return the least-moved corner to become next, with its target by ``to`` [m]."""
         found = []
         for step in AROUND:
             corner = self.tip[0] + step[0], self.tip[1] + step[1]
@@ -326,13 +284,7 @@ class Crack:
         return corner, np.array(place)
 
     def next_corner(self, direction: Array) -> tuple[MeshPlace, Array]:
-        """Return the crack's next corner and its target place [m].
-
-        Raises
-        ------
-        ValueError
-            If a cut or a side is there.
-        """
+        """Return next corner and target [m]; ValueError at a cut or side."""
         tip, end = self.mesh.at(self.tip), float(self.mesh.positions[-1, 0, 0])
 
         def foot(corner: MeshPlace) -> Array | None:
@@ -356,10 +308,7 @@ _NEW = -1
 
 
 class SparseFactors:
-    """Factorisation of a positive definite sparse matrix.
-
-    Copies share it, and unpickled it is made anew.
-    """
+    """Factorisation of a positive definite matrix, shared by copies, made anew when unpickled."""
 
     def __init__(self, matrix: Any) -> None:
         self._matrix = matrix
@@ -383,13 +332,6 @@ class AugmentedSystem:
     G grows by a solve for every touched unknown.  This is the Schur complement of the augmented matrices of Yeung,
     Crouch and Pothen (2016, arXiv:1603.04479); it is dense and solved directly, as a cut through a plane model touches
     hundreds of unknowns, where theirs touches thousands and iterates.
-
-    Parameters
-    ----------
-    factors : SparseFactors
-        Factorisation of the matrix, of size ``n``.
-    n : int
-        Number of its unknowns.
     """
 
     def __init__(self, factors: SparseFactors, n: int) -> None:
@@ -482,43 +424,25 @@ def _enlarged(matrix: Array, used: int) -> Array:
 
 
 class DoubledMesh(NamedTuple):
-    """Slab with its cuts, for any finite-element program.
+    """Slab with its cuts, along and to the left, for any finite-element program."""
 
-    Places along the slab and to its left.
-    """
-
-    nodes: Array
-    """[m], shape (n, 2)."""
+    nodes: Array  # [m], shape (n, 2)
     quadrilaterals: Indices
     """Nodes of the 8-node elements: corners counter-clockwise, then the middles of the edges from each, (m, 8)."""
     triangles: Indices
     """Nodes of the 6-node elements: corners, then the middles of the edges 1-2, 2-3, 1-3, shape (k, 6)."""
-    pairs: Indices
-    """Nodes on the left and the right face of a cut behind its tip, shape (p, 2)."""
-    directions: Array
-    """Direction in which either pair may slide, shape (p, 2)."""
-    clamped: Indices
-    """Nodes that do not move."""
-    tip: int
-    """Node that the blade pulls at."""
+    pairs: Indices  # nodes on the left and the right face of a cut behind its tip, shape (p, 2)
+    directions: Array  # direction in which either pair may slide, shape (p, 2)
+    clamped: Indices  # nodes that do not move
+    tip: int  # node that the blade pulls at
 
 
 class SplitStiffness:
     """Stiffness of a slab clamped at x = 0, factorised once.
 
     Each doubled node has a jump: by half of it either face moves along the crack, the left one back and the right one
-    forth; faces that open have a second one, across.
-
-    Parameters
-    ----------
-    mesh : SplitMesh
-        Mesh before any cut.
-    modulus : array, shape (n_along, n_across)
-        Relative modulus of the cells [1].
-    lame : tuple of float
-        Lame parameters of unit Young's modulus.
-    opens : bool
-        Whether the faces open.
+    forth; faces that open have a second one, across.  ``mesh`` has no cut yet; ``modulus`` is that of its cells over a
+    common one, (n_along, n_across), and ``lame`` the Lame parameters of unit Young's modulus.
     """
 
     def __init__(self, mesh: SplitMesh, modulus: Array, lame: tuple[float, float], *, opens: bool) -> None:
@@ -655,10 +579,7 @@ class SplitStiffness:
         )  # fmt: skip
 
     def outlines(self, motion: Array, local: Array, opening: float, tip: Array) -> list[Array]:
-        """Return all displaced element outlines [m].
-
-        Faces of cuts are drawn ``opening`` [m] apart, less within 2 cm of the ``tip``.
-        """
+        """Return displaced outlines [m], faces ``opening`` apart, less near the ``tip``."""
         found = []
         for cell in np.ndindex(self._mesh.cells):
             for part in self._mesh.parts((cell[0], cell[1])):

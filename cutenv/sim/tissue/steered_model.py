@@ -1,7 +1,4 @@
-"""Finite-element model of a slab whose cut is not prescribed.
-
-Nodes move onto the crack and double behind it.
-"""
+"""Finite-element model of a slab whose nodes follow any cut."""
 
 from __future__ import annotations
 
@@ -139,19 +136,9 @@ class SteeredModel:
     def begin(self, at: ArrayLike = (0.0, 0.0), angle: float = 0.0) -> None:
         """Begin a cut at the nearest corner, moving it there.
 
-        A beginning within the slab is a second tip, which stays where it is.
-
-        Parameters
-        ----------
-        at : array_like, shape (2,)
-            Place on the clamp, on another edge, or within the slab [m].
-        angle : float
-            Direction in which the cut begins [rad], to the left of the axis.
-
-        Raises
-        ------
-        ValueError
-            If it is outside the slab, or there is a cut.
+        It is at a place on the clamp, on another edge, or within the slab [m], and begins at an angle to the left of
+        the axis [rad]. A beginning within the slab is a second tip, which stays where it is.  ValueError if it is
+        outside the slab, or there is a cut.
         """
         to = _checked_point(at)
         where = f"({to[0]:g}, {to[1]:g}) m"
@@ -169,21 +156,11 @@ class SteeredModel:
         self._take(corner, angle)
 
     def cut_to(self, point: ArrayLike, angle: float | None = None) -> int:
-        """Lead the crack towards a point; return the nodes passed.
+        """Lead the crack towards a point [m]; return the nodes passed.
 
-        The tip stays behind the point by less than two elements.
-
-        Parameters
-        ----------
-        point : array_like, shape (2,)
-            [m]
-        angle : float, optional
-            Direction of the crack there [rad]; by default that from node to node.
-
-        Raises
-        ------
-        ValueError
-            If the crack would meet a cut or come too near to a side; the message names the place.
+        The tip stays behind the point by less than two elements.  ``angle`` is the direction of the crack there [rad];
+        by default that from node to node.  ValueError, which names the place, if the crack would meet a cut or come too
+        near to a side.
         """
         aim = _checked_point(point)
         passed = 0
@@ -203,19 +180,10 @@ class SteeredModel:
         self._grow(*self._crack.next_corner(np.array([math.cos(self.angle), math.sin(self.angle)])), self.angle)
 
     def advance(self, point: ArrayLike, angle: float | None = None, angle_between: float | None = None) -> None:
-        """Grow the crack by one node, which moves to a point.
+        """Grow the crack by one node, which moves to a point [m].
 
-        Parameters
-        ----------
-        point : array_like, shape (2,)
-            Place of the new tip, about an element away [m].
-        angle, angle_between : float, optional
-            Direction of the crack there, and half-way [rad]; by default that from node to node.
-
-        Raises
-        ------
-        ValueError
-            If no node of the mesh can move there.
+        It is about an element away.  ``angle`` and ``angle_between`` are the directions of the crack there, and
+        half-way [rad]; by default that from node to node.  ValueError if no node of the mesh can move there.
         """
         to = _checked_point(point)
         nearest = self._crack.nearest(lambda corner: to)
@@ -243,15 +211,10 @@ class SteeredModel:
         return self._along_and_left(self.compliance)
 
     def converted_stiffness(self, element: float) -> Array:
-        """Return the stiffness with square elements at the tip.
+        """Return the stiffness with square elements of a size [m] at the tip.
 
-        Nodes that moved onto the crack, and triangles, make elements of other sizes and shapes at every tip, which
-        a point force feels; see :mod:`cutenv.sim.tissue.elasticity`.
-
-        Parameters
-        ----------
-        element : float
-            Size of the squares [m].
+        Nodes that moved onto the crack, and triangles, make elements of other sizes and shapes at every tip, which a
+        point force feels; see :mod:`cutenv.sim.tissue.elasticity`.
         """
         size = in_range("element", element, 1e-4, 1.0, "m", METRES)
         excess = self._body.local_excess(self._crack.tip, size, self._element)
@@ -260,15 +223,8 @@ class SteeredModel:
     def displacement(self, force: ArrayLike) -> Array:
         """Return places' displacement times modulus and thickness [N].
 
-        Parameters
-        ----------
-        force : array_like, shape (2,)
-            Along the slab and to its left [N].
-
-        Returns
-        -------
-        array, shape (2 n_along + 1, 2 n_across + 1, 2)
-            As ``mesh.positions``; on a cut the mean of both faces.
+        ``force``, (2,), is along the slab and to its left [N]; the result is as ``mesh.positions``, on a cut the mean
+        of both faces.
         """
         load = np.zeros(len(self._body.system))
         load[self._tip_unknowns()] = np.asarray(force, dtype=float)
@@ -277,12 +233,8 @@ class SteeredModel:
     def pushed(self, forces: ArrayLike | None = None, pressure: float = 0.0) -> float:
         """Return twice the stored energy, times modulus [N2].
 
-        Parameters
-        ----------
-        forces : array_like, shape of ``mesh.positions``, optional
-            On every place, at unit thickness [N].
-        pressure : float
-            On both faces of the cut that grows, for a model whose faces open [N/m2].
+        ``forces`` are on every place, as ``mesh.positions``, at unit thickness [N]; ``pressure`` is on both faces of
+        the cut that grows, for a model whose faces open [N/m2].
         """
         load = self._body.loads(np.zeros_like(self.mesh.positions) if forces is None else forces)
         for one, other in zip(self._crack.corners, self._crack.corners[1:], strict=False):
@@ -295,12 +247,8 @@ class SteeredModel:
     def outlines(self, force: ArrayLike = (0.0, 0.0), opening: float = 0.0) -> list[Array]:
         """Return displaced element outlines, each (3 or 4, 2) [m].
 
-        Parameters
-        ----------
-        force : array_like, shape (2,)
-            Along the slab and to its left, over modulus and thickness [m].
-        opening : float
-            Distance by which the faces of cuts are drawn apart, far from the tip [m].
+        ``force``, (2,), is along the slab and to its left, over modulus and thickness [m]; ``opening`` the distance by
+        which the faces of cuts are drawn apart, far from the tip [m].
         """
         load = np.zeros(len(self._body.system))
         load[self._tip_unknowns()] = np.asarray(force, dtype=float)

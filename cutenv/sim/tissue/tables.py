@@ -1,7 +1,4 @@
-"""The thesis's tables, and constants derived from them.
-
-They are parsed strictly, with errata and printed digits.
-"""
+"""The thesis's tables, parsed strictly, with errata, and constants derived from them."""
 
 from __future__ import annotations
 
@@ -32,33 +29,17 @@ class Printed(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class ThesisTable:
-    """One table of the thesis; ``table["lem_plane_stress_Pa"]`` is a read-only column.
+    """One table of the thesis; ``table["lem_plane_stress_Pa"]`` is a read-only column."""
 
-    Attributes
-    ----------
-    number, title : str
-        Number in the thesis (``"5.6"``) and title.
-    provenance : str
-        Author, work and table number.
-    columns : mapping of str to ndarray of float64, shape (rows,)
-        The printed values, NaN where nothing was measured. Names end in the unit (``_Pa``, ``_cm_s``).
-    resolution : mapping of str to float
-        Unit of the last printed digit of each column, 0 for exact counts and labels.
-    notes, errata : tuple of str
-        Remarks on the print, and known errors in it.
-    printed_mean, printed_population_sd : mapping of str to Printed
-        The printed "Average" row: mean and standard deviation (ddof = 0) over the rows of the column named.
-    """
-
-    number: str
+    number: str  # in the thesis, as "5.6"
     title: str
-    provenance: str
-    columns: Mapping[str, Array]
-    resolution: Mapping[str, float]
-    notes: tuple[str, ...] = ()
-    errata: tuple[str, ...] = ()
-    printed_mean: Mapping[str, Printed]
-    printed_population_sd: Mapping[str, Printed]
+    provenance: str  # author, work and table number
+    columns: Mapping[str, Array]  # printed, (rows,), NaN where nothing was measured; names end in the unit (_Pa, _cm_s)
+    resolution: Mapping[str, float]  # unit of the last printed digit of each column, 0 for exact counts and labels
+    notes: tuple[str, ...] = ()  # on the print
+    errata: tuple[str, ...] = ()  # known errors in it
+    printed_mean: Mapping[str, Printed]  # the printed "Average" row over the rows of the column named
+    printed_population_sd: Mapping[str, Printed]  # with ddof = 0
 
     def __getitem__(self, column: str) -> Array:
         """Return a column, (rows,); raise ValueError for unknown names."""
@@ -73,22 +54,10 @@ def table_numbers() -> tuple[str, ...]:
 
 
 def table(number: str) -> ThesisTable:
-    """Read one table of the thesis.
+    """Read one table of the thesis, by its number there, as ``"5.6"``.
 
-    Parameters
-    ----------
-    number : str
-        Number as in the thesis, for example ``"5.6"``.
-
-    Returns
-    -------
-    Table
-        The values as printed; columns that the thesis mislabels have the name of what they contain.
-
-    Raises
-    ------
-    ValueError
-        If there is no such table, or its file is malformed (the message names file and line).
+    The values are as printed; columns that the thesis mislabels have the name of what they contain.  ValueError if
+    there is no such table, or its file is malformed (the message names file and line).
     """
     known = one_of("table number", number, table_numbers())
     return read_table(resources.path(f"tables/table_{known.replace('.', '_')}.csv"), number=known)
@@ -96,16 +65,12 @@ def table(number: str) -> ThesisTable:
 
 @cache
 def read_table(file: Path, *, number: str) -> ThesisTable:
-    """Read ``file`` as the table ``number``.
+    """Read ``file`` as the table ``number``, once.
 
-    The format: comment lines ``# key: value`` (title and source once; note and erratum any number of times;
-    ``# resolution: column = unit`` for every column; ``# printed_mean: column = value to unit``), a header of
-    comma-separated column names, then one row of numbers per line. Nothing else, no blank line. A file is read once.
-
-    Raises
-    ------
-    ValueError
-        If the file departs from the format; the message names file and line.
+    The format: comment lines ``# key: value`` (title and source once; note and erratum any number of times; ``#
+    resolution: column = unit`` for every column; ``# printed_mean: column = value to unit``), a header of
+    comma-separated column names, then one row of numbers per line. Nothing else, no blank line. ValueError names the
+    file and line that depart from it.
     """
     return _Reader(file).read(number)
 
@@ -222,19 +187,12 @@ class FractureResistance(NamedTuple):
 def measured_fracture_resistance() -> FractureResistance:
     """Return pig liver's apparent fracture resistance: mean and SD.
 
-    Returns
-    -------
-    FractureResistance
-        ``mean`` (211) and ``sd`` (78) [J/m2]; unpacks as two.
-
-    Notes
-    -----
-    Source: Table 6.1, cuts of 0.0254 to 0.1016 m. The mean is that of its seven averages. The standard
-    deviation is that of a cut from any row: the root of the mean variance within the rows plus the population
-    variance of the row averages. Rows have equal weight, because the thesis does not say how many of the forty cuts
-    are in each. Apparent: work of the blade per depth and length of cut (equations 6.1 to 6.4), which contains the
-    blade's friction and the lag of the tip. The thesis's force is the norm of the sensor's three components (section
-    3.3.2), so that it counts the work of vertical and lateral force as if they acted along the cut.
+    They are 211 and 78 J/m2, and unpack as two.  Source: Table 6.1, cuts of 0.0254 to 0.1016 m. The mean is that of its
+    seven averages. The standard deviation is that of a cut from any row: the root of the mean variance within the rows
+    plus the population variance of the row averages. Rows have equal weight, because the thesis does not say how many
+    of the forty cuts are in each. Apparent: work of the blade per depth and length of cut (equations 6.1 to 6.4), which
+    contains the blade's friction and the lag of the tip. The thesis's force is the norm of the sensor's three
+    components (section 3.3.2), so that it counts the work of vertical and lateral force as if they acted along the cut.
     """
     data = table("6.1")
     averages = data["fracture_resistance_J_m2"]
@@ -242,20 +200,11 @@ def measured_fracture_resistance() -> FractureResistance:
     return FractureResistance(mean=float(averages.mean()), sd=math.sqrt(variance_within + float(averages.var(ddof=0))))
 
 
-FOLDER = "derived"
-"""Folder of the assets with these files."""
+FOLDER = "derived"  # folder of the assets with these files
 
 
 def derived_value(name: str) -> float:
-    """Return the value stored in ``assets/derived/<name>.json``.
-
-    Raises
-    ------
-    FileNotFoundError
-        If no script has derived it.
-    ValueError
-        If the file holds no finite number.
-    """
+    """Return the finite number in ``assets/derived/<name>.json``; FileNotFoundError or ValueError without."""
     file = resources.path(f"{FOLDER}/{name}.json")
     value = json.loads(file.read_text()).get("value")
     if not isinstance(value, (int, float)) or not math.isfinite(value):

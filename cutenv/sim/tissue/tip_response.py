@@ -36,40 +36,19 @@ from cutenv.sim.tissue.mesh import ALONG, CutMesh
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TipResponse:
-    """Response to a unit blade force, for every tip.
+    """Response to a unit blade force, for every tip."""
 
-    Parameters
-    ----------
-    stiffness : ndarray of shape (n_tips,)
-        Blade force over displacement of the tip.
-    fields : ndarray of shape (n_tips, n_nodes, dim)
-        Displacement of every node per unit blade force.
-    """
-
-    stiffness: Array
-    fields: Array
+    stiffness: Array  # blade force over displacement of the tip, (n_tips,)
+    fields: Array  # displacement of every node, (n_tips, n_nodes, dim)
 
 
 def stiffness_matrix(
     mesh: CutMesh, formulation: str, poisson: float, relative_modulus: Array | None = None
 ) -> csr_array[np.float64]:
-    """Assemble the unconstrained halves' stiffness at unit modulus (2-D: unit thickness).
+    """Assemble the unconstrained halves' stiffness at unit modulus.
 
-    For a mixed element it is the indefinite matrix of displacements and pressures, in plane strain.
-
-    Parameters
-    ----------
-    mesh : CutMesh
-    formulation : {"plane_stress", "plane_strain", "solid"}
-    poisson : float
-        Poisson's ratio [1], 0 to 0.499.
-    relative_modulus : ndarray of shape (n_elements,), optional
-        Modulus of each element over the common one [1].
-
-    Returns
-    -------
-    csr_array of shape (n_unknowns, n_unknowns)
-        In 2-D a pure number, in 3-D in metres.
+    In 2-D, at unit thickness, it is a pure number, in 3-D in metres.  For a mixed element it is the indefinite matrix
+    of displacements and pressures, in plane strain.  ``relative_modulus`` is that of each element over the common one.
     """
     modulus = np.ones(len(mesh.elements)) if relative_modulus is None else relative_modulus
     if mesh.kind.has_pressure:
@@ -105,18 +84,8 @@ def blade_unknowns(mesh: CutMesh, constraints: csr_array[np.float64]) -> Indices
 def tip_responses(mesh: CutMesh, stiffness: csr_array[np.float64], *, slipping: bool) -> TipResponse:
     """Solve for all tips with one factorisation.
 
-    Parameters
-    ----------
-    mesh : CutMesh
-    stiffness : csr_array of shape (n_unknowns, n_unknowns)
-        Stiffness of the unconstrained halves, see :func:`stiffness_matrix`.
-    slipping : bool
-        Whether the pairs behind the tip slip. On a mirror-symmetric specimen the result is the same without,
-        at a fraction of the effort.
-
-    Returns
-    -------
-    TipResponse
+    ``stiffness`` is that of the unconstrained halves, see :func:`stiffness_matrix`.  On a mirror-symmetric specimen the
+    result without ``slipping`` behind the tip is the same, at a fraction of the effort.
     """
     tied = mesh.constraints()
     factors = factorise(stiffness, tied, definite=not mesh.kind.has_pressure)
@@ -154,15 +123,8 @@ def tip_responses(mesh: CutMesh, stiffness: csr_array[np.float64], *, slipping: 
 class TipInterpolation:
     """Interpolation of stiffness and displacement over cut length.
 
-    Mid-side nodes are not used as tips: their response to a point load is different.
-
-    Parameters
-    ----------
-    mesh : CutMesh
-    tips : ndarray of shape (n_tips,)
-        Cut lengths at which a tip stands on element corners [m].
-    response : TipResponse
-        Response to a unit blade force at these tips.
+    Mid-side nodes are not used as tips: their response to a point load is different.  ``tips`` are the cut lengths at
+    which a tip stands on element corners [m], ``response`` that to a unit blade force there.
     """
 
     mesh: CutMesh

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import spsolve
-from skfem import Basis, BilinearForm, ElementVector, FacetBasis, LinearForm
+from skfem import BilinearForm, ElementVector, FacetBasis, LinearForm
 from skfem.helpers import sym_grad
 from skfem.models.elasticity import linear_elasticity
 
@@ -68,27 +68,6 @@ def test_patch_test_fails_when_one_element_is_softer(element: str, formulation: 
         check_patch(mesh, stiffness, constitutive_matrix(formulation, 0.3))
 
 
-@pytest.mark.parametrize("formulation", ["plane_stress", "plane_strain"])
-def test_patch_test_fails_with_the_printed_shear_entry(formulation: str) -> None:
-    mesh = small_mesh("quad8")
-    printed = constitutive_matrix(formulation, 0.3) * np.array([1.0, 1.0, 2.0])
-    with pytest.raises(AssertionError):
-        check_patch(mesh, stiffness_matrix(mesh, formulation, 0.3), printed)
-
-
-@pytest.mark.parametrize("element", ["quad4", "quad8"])
-def test_patch_test_fails_when_the_halves_are_not_joined(element: str) -> None:
-    """The outline alone does not hold the faces: they would stay free of traction."""
-    mesh = small_mesh(element)
-    slit = mesh_of(element, mesh.divisions)
-    apart = mesh.nodes.copy()
-    apart[mesh.pairs[1:-1, 1], 0] += 1e-6
-    slit.__dict__["nodes"] = apart
-    stiffness = stiffness_matrix(mesh, "plane_stress", 0.3)
-    with pytest.raises(AssertionError):
-        check_patch(slit, stiffness, constitutive_matrix("plane_stress", 0.3))
-
-
 def rigid_motions(nodes: Array) -> Array:
     """Translations and rotations, each as one column of unknowns."""
     n, dim = nodes.shape
@@ -124,23 +103,6 @@ def test_only_rigid_motions_cost_no_energy_with_reduced_integration() -> None:
     """The hourglass of a single 8-node element of 2 x 2 points is none of its neighbours'."""
     mesh = CutMesh(kind=ELEMENT_KINDS["quad8"].reduced(), divisions=(4, 5), size=(WIDTH, LENGTH))
     check_free_of_all_but_rigid_motions(*joined_stiffness(mesh, stiffness_matrix(mesh, "plane_stress", 0.3)))
-
-
-@pytest.mark.parametrize(("element", "formulation"), KINDS)
-def test_one_point_integration_lets_hourglasses_go_free(element: str, formulation: str) -> None:
-    mesh = mesh_of(element, (2, 2, 1)) if element == "hex20" else small_mesh(element)
-    centre = (np.full((mesh.dim, 1), 0.5), np.ones(1))
-    basis = Basis(mesh.skfem_mesh, ElementVector(mesh.kind.element()), quadrature=centre)
-    modulus = np.ones(len(mesh.elements))
-    reduced = csr_array(elasticity.elastic_form(formulation, 0.3, modulus).assemble(basis))
-    with pytest.raises(AssertionError):
-        check_free_of_all_but_rigid_motions(*joined_stiffness(mesh, reduced))
-
-
-def test_halves_that_are_not_joined_move_freely_of_each_other() -> None:
-    mesh = small_mesh("quad8")
-    with pytest.raises(AssertionError):
-        check_free_of_all_but_rigid_motions(mesh.nodes, stiffness_matrix(mesh, "plane_stress", 0.3).toarray())
 
 
 def check_order(element: str, expected: float, form: BilinearForm) -> None:
@@ -203,12 +165,6 @@ def test_cooks_membrane_nearly_incompressible_with_the_mixed_element() -> None:
     check_cook(MIXED, "plane_strain", NEARLY_HALF, PLANE_STRAIN)
 
 
-def test_displacements_alone_lock() -> None:
-    """Even at 0.499, where the true deflection is larger."""
-    with pytest.raises(AssertionError):
-        check_cook(QUAD8, "plane_strain", 0.499, PLANE_STRAIN)
-
-
 def check_kelvin(element: str, poisson: float) -> None:
     """Half as large elements add ln 2 times Kelvin's coefficient to the compliance under a point load, to 2 %."""
     kelvin = (1 + poisson) * (3 - 4 * poisson) / (4 * np.pi * (1 - poisson)) * np.log(2)
@@ -248,36 +204,17 @@ MODELS: dict[str, dict[str, Any]] = {
 }
 
 
-def check_at_nodes(model: CutModel, places: Array) -> None:
+@pytest.mark.parametrize("arguments", MODELS.values(), ids=MODELS)
+def test_at_a_node_it_is_the_node_s(arguments: dict[str, Any]) -> None:
     """The displacement of every node of one face, and none of those that may slip against another."""
+    model = CutModel(**arguments)
     alone = np.ones(model.n_nodes, bool)
     faces = np.unique(np.round(model.nodes, 9), axis=0, return_inverse=True)[1]
     alone[np.bincount(faces)[faces] > 1] = False
     tip = float(model.tips[len(model.tips) // 2])
     at_nodes = model.displacement(tip, **LOAD)
-    found = model.displacement_at(places[alone], tip, **LOAD)
+    found = model.displacement_at(model.nodes[alone], tip, **LOAD)
     assert found == pytest.approx(at_nodes[alone], abs=1e-12 * np.abs(at_nodes).max())
-
-
-@pytest.mark.parametrize("arguments", MODELS.values(), ids=MODELS)
-def test_at_a_node_it_is_the_node_s(arguments: dict[str, Any]) -> None:
-    model = CutModel(**arguments)
-    check_at_nodes(model, model.nodes)
-
-
-def test_a_micrometre_beside_a_node_it_is_not() -> None:
-    model = CutModel()
-    with pytest.raises(AssertionError):
-        check_at_nodes(model, model.nodes * (1.0 - 1e-4))
-
-
-@pytest.mark.parametrize("arguments", MODELS.values(), ids=MODELS)
-def test_a_linear_field_is_linear_at_every_point(arguments: dict[str, Any]) -> None:
-    model = CutModel(**arguments)
-    low, high = model.nodes.min(axis=0), model.nodes.max(axis=0)
-    points = np.random.default_rng(1).uniform(low, high, size=(50, model.dim))
-    gradient = np.arange(1.0, 1.0 + model.dim**2).reshape(model.dim, model.dim)
-    assert model._mesh.interpolated(model.nodes @ gradient, points) == pytest.approx(points @ gradient, abs=1e-12)
 
 
 def test_the_right_face_of_a_cut_answers_for_the_line() -> None:
@@ -289,25 +226,15 @@ def test_the_right_face_of_a_cut_answers_for_the_line() -> None:
     assert model.displacement_at(model.nodes[[left]], 0.1, **LOAD)[0] == pytest.approx(at_nodes[right], rel=1e-12)
 
 
-def check_against_a_finer_mesh(coarse: Array, tip: float) -> None:
-    """Two centimetres and more from the tip a force moves points by what it moves them on a mesh four times as fine."""
-    fine = CutModel(divisions=(32, 60)).displacement_at(FAR, tip, **LOAD)
-    assert coarse == pytest.approx(fine, abs=0.03 * np.abs(fine).max())
-
-
 FAR = [[0.02, 0.05], [0.03, 0.07], [-0.025, 0.1], [0.0, 0.13]]
 
 
 @pytest.mark.parametrize("tip", [0.004, 0.06, 0.0625, 0.065, 0.0675])
 def test_between_corners_a_force_moves_far_points_as_on_a_finer_mesh(tip: float) -> None:
-    check_against_a_finer_mesh(CutModel().displacement_at(FAR, tip, **LOAD), tip)
-
-
-def test_a_field_scaled_to_the_motion_of_the_tip_moves_them_too_far() -> None:
-    model, tip = CutModel(), 0.065
-    nodes = model._mesh.interpolated(model.displacement(tip, **LOAD), np.array(FAR))
-    with pytest.raises(AssertionError):
-        check_against_a_finer_mesh(nodes, tip)
+    """Two centimetres and more from the tip a force moves points by what it moves them on a mesh four times as fine."""
+    coarse = CutModel().displacement_at(FAR, tip, **LOAD)
+    fine = CutModel(divisions=(32, 60)).displacement_at(FAR, tip, **LOAD)
+    assert coarse == pytest.approx(fine, abs=0.03 * np.abs(fine).max())
 
 
 def test_a_displacement_of_the_tip_is_a_force_on_it() -> None:

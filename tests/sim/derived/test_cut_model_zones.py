@@ -100,8 +100,11 @@ def shifted_mesh(element: str, **lines: Any) -> CutMesh:
     return CutMesh(kind=kind, divisions=(6, 5, 2)[: kind.dim], size=(0.09, 0.15, 0.02)[: kind.dim], **lines)
 
 
-def check_stretch(mesh: CutMesh, tip: int) -> None:
+@pytest.mark.parametrize("element", ["quad4", "quad8", "hex20"])
+@pytest.mark.parametrize("lines", SHIFTED.values(), ids=SHIFTED)
+def test_a_uniform_stretch_passes_every_line(lines: dict[str, Any], element: str) -> None:
     """Patch test: a uniform stretch along the cuts needs no force inside, and fits all constraints (nu = 0)."""
+    mesh, tip = shifted_mesh(element, **lines), 2
     formulation = "solid" if mesh.dim == 3 else "plane_stress"
     stretch = np.zeros_like(mesh.nodes)
     stretch[:, 1] = mesh.nodes[:, 1]
@@ -113,12 +116,6 @@ def check_stretch(mesh: CutMesh, tip: int) -> None:
     at_the_end = np.asarray(constraints.T @ (mesh.nodes[:, 1] > 0.149).repeat(mesh.dim).astype(float)) > 0
     assert np.abs(force[~at_the_end]).max() < 1e-12
     assert force[at_the_end].sum() == pytest.approx(0.09 * (0.02 if mesh.dim == 3 else 1.0))
-
-
-@pytest.mark.parametrize("element", ["quad4", "quad8", "hex20"])
-@pytest.mark.parametrize("lines", SHIFTED.values(), ids=SHIFTED)
-def test_a_uniform_stretch_passes_every_line(lines: dict[str, Any], element: str) -> None:
-    check_stretch(shifted_mesh(element, **lines), tip=2)
 
 
 def test_the_faces_of_an_earlier_cut_slide_and_are_tied_where_it_ended() -> None:
@@ -250,8 +247,13 @@ def test_one_factorisation_agrees_with_a_dense_solution_for_each_tip(element: st
         check_against_dense(model, faces_may_open=True)
 
 
-def check_between_corners(model: CutModel, cut_length: float) -> None:
+@pytest.mark.parametrize("cut_length", [0.03, 0.06, 0.08, 0.0926, 0.149])
+@pytest.mark.parametrize(("element", "divisions"), SPECIMENS)
+def test_pairs_ahead_of_the_tip_stay_tied_between_corners(
+    element: str, divisions: tuple[int, ...], cut_length: float
+) -> None:
     """At any cut length: pairs from the tip on are tied, nothing opens, the clamp holds."""
+    model = model_of(element, divisions, halves(divisions, 3.0))
     u = model.displacement(cut_length, 1.5, 40e3, 0.02)
     left, right = model.pairs.T
     slip = u[right] - u[left]
@@ -261,16 +263,3 @@ def check_between_corners(model: CutModel, cut_length: float) -> None:
     assert np.abs(np.delete(slip, 1, axis=1)).max() < EXACT * moved
     assert np.abs(u[model.nodes[:, 1] == 0.0]).max() == 0.0
     assert np.abs(slip[~ahead, 1]).max() > 1e-4 * moved
-
-
-@pytest.mark.parametrize("cut_length", [0.03, 0.06, 0.08, 0.0926, 0.149])
-@pytest.mark.parametrize(("element", "divisions"), SPECIMENS)
-def test_pairs_ahead_of_the_tip_stay_tied_between_corners(
-    element: str, divisions: tuple[int, ...], cut_length: float
-) -> None:
-    check_between_corners(model_of(element, divisions, halves(divisions, 3.0)), cut_length)
-
-
-def test_equal_halves_do_not_slip_between_corners() -> None:
-    with pytest.raises(AssertionError):
-        check_between_corners(CutModel(), 0.08)

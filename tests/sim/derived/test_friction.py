@@ -151,10 +151,7 @@ def test_friction_ignores_speed_unless_it_is_asked_to_grow_with_it():
 def test_retracting_unloads_the_tip_and_then_only_friction_remains():
     cut = there_and_back()
     back = cut.readings["speed"] < 0.0
-    elastic, ahead = (
-        cut.readings["elastic_force"][back],
-        (cut.readings["position"] - cut.readings["tip"])[back],
-    )
+    elastic, ahead = (cut.readings["elastic_force"][back], (cut.readings["position"] - cut.readings["tip"])[back])
     assert np.all(np.diff(elastic) <= 0.0)
     assert np.all(elastic[ahead <= 0.0] == 0.0)
     assert np.all(elastic[ahead > 0.0] > 0.0)

@@ -14,8 +14,6 @@ from cutenv.sim.cutting.law import loading_ratio
 from cutenv.sim.tissue import Specimen, measured_liver
 from cutenv.sim.tissue.description import TissueDescription, inclined_spread, tables_only
 from cutenv.sim.tissue.effective_modulus import (
-    PowerFit,
-    SpeedFit,
     checked_falls,
     end_of_fall,
     falls,
@@ -189,11 +187,6 @@ def test_what_was_not_measured_or_is_misspelt_is_refused_with_the_cure(keywords,
         local_effective_modulus(0.01, UPRIGHT, **keywords)
 
 
-def test_text_is_no_speed():
-    with pytest.raises(TypeError, match="speed must be real numbers"):
-        local_effective_modulus("slow", UPRIGHT)
-
-
 @pytest.mark.parametrize(
     ("arguments", "hint"),
     [
@@ -206,34 +199,6 @@ def test_text_is_no_speed():
 def test_fits_that_do_not_exist_are_refused(arguments, hint):
     with pytest.raises(ValueError, match=hint):
         linear_fit(**arguments)
-
-
-SPEED_FIT = SpeedFit(intercept=5e4, slope=-1e6, speed_min=0.001, speed_max=0.0254, source="made up")
-POWER_FIT = PowerFit(modulus_at_reference=2e4, exponent=-0.4, speed_min=0.001, speed_max=0.0254, source="made up")
-
-
-@pytest.mark.parametrize(
-    ("fit", "change", "hint"),
-    [
-        (SPEED_FIT, {"intercept": -1.0}, "intercept"),
-        (SPEED_FIT, {"slope": -3e6}, "modulus at speed_max"),
-        (SPEED_FIT, {"speed_min": 0.03}, "speed_max"),
-        (SPEED_FIT, {"speed_max": 2.54}, "speed_max"),
-        (SPEED_FIT, {"slope": math.nan}, "slope"),
-        (POWER_FIT, {"modulus_at_reference": 0.0}, "modulus_at_reference"),
-        (POWER_FIT, {"exponent": math.nan}, "exponent"),
-        (POWER_FIT, {"reference_speed": 0.0}, "reference_speed"),
-    ],
-)
-def test_fits_refuse_what_is_no_modulus(fit, change, hint):
-    with pytest.raises(ValueError, match=hint):
-        dataclasses.replace(fit, **change)
-
-
-@pytest.mark.parametrize("fit", [SPEED_FIT, POWER_FIT])
-def test_fits_refuse_speeds_in_cm_s(fit):
-    with pytest.raises(ValueError, match="looks like cm/s"):
-        fit.modulus(2.54)
 
 
 LIVER = measured_liver()
@@ -303,10 +268,6 @@ def test_steps_that_are_none_are_refused_by_name(given: object) -> None:
         checked_falls("falls_90", given)  # type: ignore[arg-type]
 
 
-def test_a_description_keeps_its_steps_in_a_file() -> None:
-    assert TissueDescription.from_json(LIVER.to_json()).falls_90 == LIVER.falls_90
-
-
 def test_an_inclined_blade_scatters_as_table_5_6_does_beyond_an_upright_one() -> None:
     cv = {
         angle: table("5.6")[f"sd_plane_stress_{angle}_deg_Pa"] / table("5.6")[f"lem_plane_stress_{angle}_deg_Pa"]
@@ -317,9 +278,3 @@ def test_an_inclined_blade_scatters_as_table_5_6_does_beyond_an_upright_one() ->
     sigma = math.sqrt(math.log(1.0 + inclined_spread() ** 2))
     assert drawn.std() == pytest.approx(sigma, rel=0.05)
     assert np.exp(drawn).mean() == pytest.approx(1.0, abs=0.04)
-
-
-def test_a_specimen_keeps_its_inclined_ratio_in_a_file() -> None:
-    specimen = Specimen.drawn(5)
-    assert specimen.inclined_ratio != 1.0
-    assert Specimen.from_json(specimen.to_json()) == specimen

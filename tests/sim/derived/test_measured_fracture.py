@@ -89,29 +89,6 @@ def test_half_the_depth_gives_the_same_resistance(speed: float) -> None:
     check_resistance_comes_back(there_and_back(1.0, kind="1 cm", speed=speed), 0.03)
 
 
-def test_friction_of_the_way_back_left_out_is_noticed() -> None:
-    with pytest.raises(AssertionError):
-        check_resistance_comes_back(there_and_back(1.0), 0.05, friction_per_depth=0.0)
-
-
-def test_the_blade_taken_for_the_tip_is_noticed() -> None:
-    cut = there_and_back(1.0)
-    estimate = estimate_fracture_resistance(cut.trace)
-    fracture_energy_per_depth = (estimate.corrected - estimate.friction_per_depth) * estimate.cut_length
-    by_blade = fracture_energy_per_depth / cut.trace.position.max() + estimate.friction_per_depth
-    with pytest.raises(AssertionError):
-        assert by_blade == pytest.approx(cut.true_resistance(), rel=0.05)
-
-
-def test_stored_energy_left_in_is_noticed() -> None:
-    cut = there_and_back(2.0)
-    estimate = estimate_fracture_resistance(cut.trace)
-    stored = 0.5 * 0.02 * 45e3 * (cut.trace.position.max() - cut.tip.max()) ** 2
-    with_it = estimate.corrected + stored / (0.02 * estimate.cut_length)
-    with pytest.raises(AssertionError):
-        assert with_it == pytest.approx(cut.true_resistance(), rel=0.05)
-
-
 @pytest.mark.parametrize("back_to", [0.0251, 0.0240, 0.0235, 0.0230])
 @pytest.mark.parametrize("kind", ["2 cm", "bulge"])
 def test_a_way_back_that_ends_before_the_tip_is_no_return_stroke(kind: str, back_to: float) -> None:
@@ -139,8 +116,11 @@ def test_a_way_on_in_the_open_crack_changes_nothing() -> None:
     assert estimate_fracture_resistance(longer).corrected == pytest.approx(corrected, rel=1e-3)
 
 
-def check_way_back_tells(cut: RecordedCut, *, shift: float = 0.0) -> None:
-    trace = dataclasses.replace(cut.trace, force=cut.trace.force + shift)
+@pytest.mark.parametrize("kind", ["2 cm", "bulge", "liver"])
+@pytest.mark.parametrize("speed", SPEEDS)
+def test_the_way_back_tells_tip_stiffness_and_friction(kind: str, speed: float) -> None:
+    cut = there_and_back(2.0, kind=kind, speed=speed)
+    trace = cut.trace
     fitted = fit_return_stroke(trace, DepthProfile.recorded(trace, by="the test"))
     assert fitted is not None
     tip = float(cut.tip.max())
@@ -148,17 +128,6 @@ def check_way_back_tells(cut: RecordedCut, *, shift: float = 0.0) -> None:
     assert fitted.tip == pytest.approx(tip, abs=0.4e-3)
     assert fitted.stiffness == pytest.approx(K, rel=0.05)
     assert fitted.friction_per_depth == pytest.approx(cut.specimen.friction_per_depth, rel=0.05)
-
-
-@pytest.mark.parametrize("kind", ["2 cm", "bulge", "liver"])
-@pytest.mark.parametrize("speed", SPEEDS)
-def test_the_way_back_tells_tip_stiffness_and_friction(kind: str, speed: float) -> None:
-    check_way_back_tells(there_and_back(2.0, kind=kind, speed=speed))
-
-
-def test_an_untared_sensor_is_noticed() -> None:
-    with pytest.raises(AssertionError):
-        check_way_back_tells(there_and_back(2.0), shift=0.3)
 
 
 def test_a_perfect_sensor_gives_tip_and_friction_exactly() -> None:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
-from cutenv.sim.tissue import place_model
 from cutenv.sim.tissue.drawn_lines import STORED, drawn_lines, given_line
 from cutenv.sim.tissue.lines import half_ellipse, straight
 from cutenv.sim.tissue.place_model import FARTHEST, fitted_numbers, stiffness_off_line
@@ -43,9 +41,3 @@ def test_beside_a_straight_line_both_sides_are_alike():
 def test_a_crack_3_mm_beside_half_an_excision_that_was_not_fitted_has_its_stiffness():
     rows = list(crack_truth.check_beside([], [half_ellipse(0.09, 0.016)], [0.003]))
     assert all(row.holds for row in rows)
-
-
-def test_without_the_place_of_the_tip_it_has_not(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(place_model, "FARTHEST", 0.0)
-    rows = list(crack_truth.check_beside([], [half_ellipse(0.09, 0.016)], [0.003]))
-    assert not any(row.holds for row in rows)

@@ -258,10 +258,7 @@ def test_a_rotation_can_start_a_run():
     cut = lead(specimen, constant_feed(0.002, to=0.04))
     high = int(np.argmax(cut.readings["elastic_force"] >= 1.2 * R_B))
     standing = lead(
-        specimen,
-        np.full(600, cut.readings["position"][high]),
-        ramp(90, 90, 45, steps=300),
-        start=cut.states[high + 1],
+        specimen, np.full(600, cut.readings["position"][high]), ramp(90, 90, 45, steps=300), start=cut.states[high + 1]
     )
     assert np.all(standing.readings["jump"][:300] == 0.0)
     assert standing.readings["jump"][300:].max() > 1e-3

@@ -29,22 +29,12 @@ def test_an_ideal_sensor_reads_the_force():
     assert np.array_equal(readings(sensor(), forces), forces)
 
 
-def check_resolution(read: Any, forces: Any, resolution: float) -> None:
+def test_readings_are_the_nearest_multiple_of_the_resolution():
+    forces = np.linspace(-1.0, 2.0, 1001)
+    read, resolution = readings(sensor(force_resolution=0.05), forces), 0.05
     assert read / resolution == pytest.approx(np.round(read / resolution), abs=1e-9)
     assert np.abs(read - forces).max() <= 0.5 * resolution * (1.0 + 1e-9)
     assert len(np.unique(read)) == round((forces[-1] - forces[0]) / resolution) + 1
-
-
-def test_readings_are_the_nearest_multiple_of_the_resolution():
-    forces = np.linspace(-1.0, 2.0, 1001)
-    check_resolution(readings(sensor(force_resolution=0.05), forces), forces, 0.05)
-
-
-def test_a_sensor_that_rounds_down_or_not_at_all_fails_the_check():
-    forces = np.linspace(-1.0, 2.0, 1001)
-    for broken in (0.05 * np.floor(forces / 0.05), forces):
-        with pytest.raises(AssertionError):
-            check_resolution(broken, forces, 0.05)
 
 
 @pytest.mark.parametrize("ticks", [0, 1, 10, 63])
@@ -55,27 +45,15 @@ def test_delay_is_exact(ticks):
     assert np.array_equal(read[ticks:], forces[: 300 - ticks])
 
 
-def check_noise(read: Any, deviation: float) -> None:
+def test_noise_has_its_standard_deviation_and_is_white():
     """Mean 0, SD as asked for, white, and normal in its fourth moment; within 4 standard errors."""
+    read, deviation = readings(sensor(force_noise=0.02), np.zeros(40_000)), 0.02
     n = len(read)
     z = read / deviation
     assert abs(z.mean()) < 4.0 / math.sqrt(n)
     assert z.std() == pytest.approx(1.0, abs=4.0 / math.sqrt(2.0 * n))
     assert abs(np.mean(z[1:] * z[:-1])) < 4.0 / math.sqrt(n)
     assert np.mean(z**4) == pytest.approx(3.0, abs=4.0 * math.sqrt(96.0 / n))
-
-
-def test_noise_has_its_standard_deviation_and_is_white():
-    check_noise(readings(sensor(force_noise=0.02), np.zeros(40_000)), 0.02)
-
-
-def test_other_noise_fails_the_check():
-    rng = np.random.default_rng(2)
-    louder = readings(sensor(force_noise=0.021), np.zeros(40_000))
-    uniform = rng.uniform(-1.0, 1.0, 40_000) * 0.02 * math.sqrt(3.0)
-    for broken in (louder, uniform, np.full(40_000, 0.02)):
-        with pytest.raises(AssertionError):
-            check_noise(broken, 0.02)
 
 
 def test_drift_is_a_random_walk_with_its_deviation_after_one_second():
@@ -120,12 +98,3 @@ def test_the_simulated_plant_reads_through_the_same_sensor():
     plant = SimulatedPlant(homogeneous(), sensor=parameters, seed=11, episode=5)
     record = np.concatenate([plant.advance(0.02, UPRIGHT, 20).copy() for _ in range(100)])
     assert np.array_equal(readings(Sensor(parameters, seed=11, episode=5), record["true_force"]), record["force"])
-
-
-@pytest.mark.parametrize(
-    ("field", "value"),
-    [("force_noise", -0.01), ("force_resolution", math.nan), ("force_delay", 10.0), ("force_drift", 2.0)],
-)
-def test_nonsense_is_refused_by_name(field, value):
-    with pytest.raises(ValueError, match=field):
-        SensorParameters(**{field: value})

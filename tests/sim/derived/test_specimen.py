@@ -214,20 +214,10 @@ def changed(**changes: object) -> Callable[[], Specimen]:
 @pytest.mark.parametrize(
     ("make", "named"),
     [
-        (changed(modulus=np.zeros(N_POINTS)), "modulus = 0 Pa"),
-        (changed(depth=np.full(N_POINTS, 2.0)), "depth = 2 m"),  # in cm
-        (changed(fracture_resistance=np.full(N_POINTS, math.nan)), "fracture_resistance = nan"),
         (changed(modulus=np.full(7, 4e4)), "modulus has shape"),
         (changed(thickness=0.001), "A cut is no deeper than the slab"),
-        (changed(friction_per_depth=-1.0), "friction_per_depth = -1"),
         (changed(specimen_class="vasculer"), "Did you mean 'vascular'"),
-        (lambda: drawn(1, "livre"), "Did you mean 'liver'"),
-        (lambda: Specimen.from_json("{}"), "cutenv-specimen/2"),
-        (lambda: Specimen.from_json("no"), "not JSON"),
-        (lambda: liver(eta90=-0.1), "eta90"),
         (lambda: liver(friction_share=math.nan), "friction_share"),
-        (lambda: liver(slope_90=-1e7), "must stay positive"),
-        (lambda: liver(element="quad9"), "Did you mean 'quad"),
         (lambda: liver(thickness=0.01), "crown_depth = 0.02 m must not exceed thickness"),
     ],
 )
@@ -259,8 +249,10 @@ def depth_of(rise: float, y=ALONG) -> np.ndarray:
     return bulge(y, edge=EDGE, crown=CROWN, rise_length=rise, length=LENGTH)
 
 
-def check_shape(depth: np.ndarray) -> None:
+@given(rises)
+def test_the_bulge_runs_from_edge_to_crown_and_back(rise):
     """From a thin edge up to one crown and down again, never outside the measured range."""
+    depth = depth_of(rise)
     assert depth[0] == pytest.approx(EDGE, rel=1e-5)
     assert depth.max() == pytest.approx(CROWN, rel=0.05)
     assert np.all((depth > 0.0) & (depth <= CROWN))
@@ -269,38 +261,11 @@ def check_shape(depth: np.ndarray) -> None:
     assert np.all(np.diff(depth[crown:]) <= 0.0)
 
 
-def check_steepness(depth: np.ndarray, rise: float) -> None:
-    """B' never exceeds that of the straight line from edge to crown."""
-    assert np.max(np.gradient(depth, ALONG)) <= (1.0 + 1e-6) * (CROWN - EDGE) / rise
-
-
-@given(rises)
-def test_the_bulge_runs_from_edge_to_crown_and_back(rise):
-    check_shape(depth_of(rise))
-
-
 @given(rises)
 def test_the_rise_is_no_steeper_than_its_length(rise):
-    check_steepness(depth_of(rise), rise)
-
-
-def test_other_shapes_fail_the_checks():
-    ramp = np.minimum(EDGE + (CROWN - EDGE) * ALONG / 0.05, CROWN)
-    with pytest.raises(AssertionError):
-        check_shape(np.maximum(depth_of(0.06), 0.002))
-    with pytest.raises(AssertionError):
-        check_shape(ramp[::-1])
-    with pytest.raises(AssertionError):
-        check_steepness(ramp, 0.06)
-
-
-@pytest.mark.parametrize(
-    ("field", "value"),
-    [("edge", 0.0), ("edge", 1.0), ("crown", 0.0005), ("crown", 2.0), ("rise_length", math.nan)],
-)
-def test_nonsense_is_refused_by_name(field, value):
-    with pytest.raises(ValueError, match=field):
-        bulge(ALONG, **({"edge": EDGE, "crown": CROWN, "rise_length": 0.015, "length": LENGTH} | {field: value}))
+    """B' never exceeds that of the straight line from edge to crown."""
+    depth = depth_of(rise)
+    assert np.max(np.gradient(depth, ALONG)) <= (1.0 + 1e-6) * (CROWN - EDGE) / rise
 
 
 ONES = np.ones(N_POINTS)

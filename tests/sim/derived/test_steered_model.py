@@ -12,9 +12,8 @@ import pytest
 
 from cutenv.sim.plant import FreehandPlant, SteeredPlant
 from cutenv.sim.tissue import CutModel, Specimen, SteeredModel
-from cutenv.sim.tissue.elasticity import element_stiffness, lame_parameters, local_compliance, square_compliance
+from cutenv.sim.tissue.elasticity import element_stiffness, lame_parameters
 from cutenv.sim.tissue.lines import arc, bent, half_ellipse, straight
-from cutenv.sim.tissue.split_mesh import SplitMesh, whole
 from scripts.validation.physics.crack_truth import led_along
 
 UNEVEN = np.random.default_rng(0).uniform(0.5, 2.0, (8, 15))
@@ -167,41 +166,6 @@ def crossing() -> None:
 def test_what_cannot_be_cut_is_refused(act: Callable[[], Any], says: str) -> None:
     with pytest.raises(ValueError, match=says):
         act()
-
-
-def test_local_compliance_depends_on_the_elements_and_on_no_border() -> None:
-    lam, mu = lame_parameters("plane_stress", 0.3)
-    grid = SplitMesh(np.stack(np.meshgrid(np.arange(13) * 0.01, np.arange(13) * 0.01, indexing="ij"), axis=-1))
-
-    def of(rings: int) -> Any:
-        cells = [whole((i, j)).places for i in range(6 - rings, 6 + rings) for j in range(6 - rings, 6 + rings)]
-        return local_compliance(cells, grid.positions.__getitem__, (12, 12), lam, mu)
-
-    assert of(2) == pytest.approx(of(4), abs=2e-3)
-    assert of(2) == pytest.approx(square_compliance(0.01, lam, mu) * np.eye(2), abs=1e-12)
-    slope = (lam + 3.0 * mu) / (4.0 * math.pi * mu * (lam + 2.0 * mu))  # of Kelvin's logarithm
-    finer = square_compliance(0.005, lam, mu) - square_compliance(0.01, lam, mu)
-    assert finer == pytest.approx(slope * math.log(2.0), rel=1e-9)
-
-
-def test_triangles_and_quadrilaterals_stretch_alike() -> None:
-    """A patch of a split cell: constant strain stores the energy of its area, and rigid motions none."""
-    mesh = SplitMesh(np.stack(np.meshgrid(np.arange(3.0), np.arange(3.0), indexing="ij"), axis=-1))
-    mesh.split_cell((0, 0), (2, 2))
-    mesh.move((2, 2), np.array([1.2, 0.9]))
-    lam, mu = lame_parameters("plane_strain", 0.3)
-    strain = np.array([[0.3, 0.1], [0.1, -0.2]])
-    spin = np.array([[0.0, -1.0], [1.0, 0.0]])
-    stored = turned = area = 0.0
-    for cell in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        for part in mesh.parts(cell):
-            at = np.array([mesh.at(place) for place in part.places])
-            stiffness = element_stiffness(at[np.newaxis], lam, mu)[0]
-            u, r = (at @ strain.T).ravel(), (at @ spin.T).ravel()
-            stored, turned = stored + 0.5 * u @ stiffness @ u, turned + abs(stiffness @ r).max()
-    area = 4.0
-    assert stored == pytest.approx(area * (0.5 * lam * np.trace(strain) ** 2 + mu * (strain**2).sum()), rel=1e-12)
-    assert turned < 1e-12
 
 
 UPRIGHT = math.radians(90.0)

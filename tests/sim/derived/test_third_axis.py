@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable
 from functools import partial
@@ -16,13 +15,12 @@ from cutenv.sim.cutting.descent import DESCENDING
 from cutenv.sim.cutting.simulate import Physics, hold_some
 from cutenv.sim.cutting.steering import STEERED, SteeringParameters
 from cutenv.sim.plant import DescendingPlant, SimulatedPlant, SteeredPlant
-from cutenv.sim.tissue import Layers, Specimen, SteeredModel
+from cutenv.sim.tissue import Layers, Specimen
 from cutenv.sim.tissue.layers import layered_depth
 from cutenv.sim.tissue.lines import (
     LARGEST_CURVATURE,
     CutLine,
     arc,
-    bent,
     half_ellipse,
     length_within,
     random_line,
@@ -31,7 +29,6 @@ from cutenv.sim.tissue.lines import (
     through,
 )
 from cutenv.sim.tissue.path_model import PathModel, stiffness_on_line
-from scripts.derivations import layers as fit_layers
 from scripts.validation.physics import crack_truth, descent, steering
 from scripts.validation.physics.adversarial_motions import FEED, TICKS, UPRIGHT
 from scripts.validation.physics.promises import drawn
@@ -72,10 +69,7 @@ def test_with_nothing_added_the_driven_blade_is_the_simulated_plants(make: Calla
 
 @pytest.mark.parametrize(
     ("make", "motion", "force", "lowest", "highest"),
-    [
-        (descending, DESCENDING, "vertical_force", -0.003, 0.005),
-        (steered, STEERED, "lateral_force", -1.0, 1.0),
-    ],
+    [(descending, DESCENDING, "vertical_force", -0.003, 0.005), (steered, STEERED, "lateral_force", -1.0, 1.0)],
 )
 def test_a_batch_is_its_cuts_one_by_one(
     make: Callable[..., Any], motion: Any, force: str, lowest: float, highest: float
@@ -184,23 +178,6 @@ def test_stiffness_goes_on_without_a_step_through_layers(layers: Layers) -> None
     assert stiffness.min() > depths[0] + 0.003
 
 
-def test_the_reach_is_found_again_in_slabs_that_it_made() -> None:
-    effective = np.add.outer(np.linspace(0.002, 0.004, 3), fit_layers.LAYERS[2:])
-    made = [(layers, fit_layers.ratio_by(layers, effective, 0.0031)) for layers in STIFF_LAYERS]
-    assert fit_layers.fitted_reach(effective, made) == pytest.approx(0.0031, rel=1e-4)
-
-
-def test_no_slab_is_fitted_and_held_out() -> None:
-    assert set(fit_layers.FITTED).isdisjoint(fit_layers.HELD_OUT)
-    assert set(descent.SLAB_LAYERS) <= set(fit_layers.HELD_OUT)
-
-
-def test_stiffness_that_is_not_converted_breaks_promises(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(SteeredModel, "converted_stiffness", lambda model, element: model.stiffness)
-    broken = [row.holds for row in itertools.islice(steering.CHECKS["steered"]([]), 4, 7)]
-    assert broken == [False, False, False]
-
-
 def test_every_promise_of_the_model_is_kept() -> None:
     rows = list(steering.check_model([], finest=2))
     assert [str(row) for row in rows if row.holds is not True and row.promised] == []
@@ -286,23 +263,6 @@ def test_a_drawn_line_depends_on_the_seed_alone() -> None:
 def test_a_bad_line_is_refused_with_the_place(points: Any, says: str) -> None:
     with pytest.raises(ValueError, match=says):
         through(points)
-
-
-@pytest.mark.parametrize(
-    ("make", "says"),
-    [
-        (lambda: arc(0.01), "radius"),
-        (lambda: s_shape(0.025, 0.1), "turns too far"),
-        (lambda: half_ellipse(0.08, 0.04), "height"),
-        (lambda: bent(np.zeros(3)), "curvature of shape"),
-        (lambda: PathModel(straight(), formulation="solid"), "solid"),
-        (lambda: PathModel(straight(), divisions=(7, 15)), "divisions"),
-        (lambda: PathModel(straight()).displacement(99, [1.0, 0.0]), "tip"),
-    ],
-)
-def test_a_bad_argument_is_named(make: Callable[[], Any], says: str) -> None:
-    with pytest.raises(ValueError, match=says):
-        make()
 
 
 def test_a_straight_line_has_the_specimens_own_stiffness() -> None:

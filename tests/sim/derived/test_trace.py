@@ -82,13 +82,7 @@ def test_copies_are_equal(copying: Callable[[Trace], Trace]) -> None:
 
 @pytest.mark.parametrize(
     "changes",
-    [
-        {"force": FULL["force"] + 1e-12},
-        {"depth": None},
-        {"force_unit": "1"},
-        {"metadata": {}},
-        {"time": TIME + 1.0},
-    ],
+    [{"force": FULL["force"] + 1e-12}, {"depth": None}, {"force_unit": "1"}, {"metadata": {}}, {"time": TIME + 1.0}],
 )
 def test_any_difference_makes_traces_unequal(changes: dict[str, Any]) -> None:
     assert full(**changes) != full()
@@ -141,11 +135,6 @@ def test_limits_of_what_is_no_field_are_refused() -> None:
         limits("positon")
     with pytest.raises(ValueError, match="force_unit must be one of"):
         limits("force", "mN")
-
-
-def test_a_good_trace_is_not_refused() -> None:
-    with pytest.raises(pytest.fail.Exception):
-        check_refused({}, "is")
 
 
 def there_and_back(speed_unit: float, position_unit: float) -> Trace:

@@ -107,13 +107,7 @@ def net_work_of_loop(cut: LedCut, back: LedCut) -> float:
 
 
 @some
-@given(
-    specimens(),
-    policies(most_legs=3),
-    st.floats(1e-6, 0.02),
-    st.floats(INCLINED, UPRIGHT),
-    st.floats(1e-3, 0.0254),
-)
+@given(specimens(), policies(most_legs=3), st.floats(1e-6, 0.02), st.floats(INCLINED, UPRIGHT), st.floats(1e-3, 0.0254))
 def test_a_closed_loop_of_motion_and_angle_costs_friction_and_turning(specimen, policy, amplitude, turned, speed):
     """Retract and come back, turning there and back; where turning lets the blade cut, at most U is given back."""
     cut = lead(specimen, *policy.path())

@@ -133,9 +133,7 @@ def test_a_cut_goes_on_after_any_treatment(specimen, policy):
     positions, angles = policy.path()
     onward = np.arange(positions[-1], 0.12, 10e-6)
     cut = lead(
-        specimen,
-        np.concatenate((positions, onward)),
-        np.concatenate((angles, np.full(len(onward), angles[-1]))),
+        specimen, np.concatenate((positions, onward)), np.concatenate((angles, np.full(len(onward), angles[-1])))
     )
     check_force(cut, specimen.tissue.eta90)
     check_progress(cut)

@@ -9,16 +9,14 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from cutenv.sim.tissue import CutModel, measured_fracture_resistance, measured_liver, tables
 from cutenv.sim.tissue.effective_modulus import falls, linear_fit, power_fit
-from scripts.validation.thesis import CHECKS, drawn_livers, measuring, scatter
+from scripts.validation.thesis import CHECKS, drawn_livers, scatter
 from scripts.validation.thesis import reproduce_thesis as program
-from scripts.validation.thesis.elements import model
 from scripts.validation.thesis.rows import SHOWN, Check
 from scripts.validation.thesis.virtual_cuts import virtual_cut
 
@@ -100,54 +98,6 @@ def stiffer_in_plane_strain(monkeypatch: pytest.MonkeyPatch) -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("name", "module", "constant", "wrong"),
-    [
-        ("mesh-counts", "elements", "MODELS", {"3-D, 20 nodes": ("quad8", "plane_stress")}),
-        ("mesh-counts", "elements", "DIVISIONS", [(8, 15), (10, 24), (16, 30), (32, 60), (40, 74)]),
-        ("table-4.12", "chapter_4", "DIVISIONS", [(10, 24), (8, 15), (16, 30), (32, 60), (40, 75)]),
-        ("poisson", "models", "model", lambda poisson=0.3: model(formulation="plane_strain", poisson=poisson)),
-        ("bricks", "models", "model", lambda element="quad8", _="": model("quad4" if element == "hex20" else element)),
-        ("figure-4.4", "chapter_4", "model", lambda element, of: model("quad8", of.replace("solid", "plane_stress"))),
-        ("table-4.2", "models", "model", lambda element, of: model("quad8", of)),
-        ("incompressible", "models", "QUAD8_COLUMN", "lem_quad8_plane_strain_Pa"),
-        ("element-size", "models", "DIVISIONS", [(8, 15), (10, 24), (16, 15), (32, 30), (20, 75)]),
-        ("beads", "models", "TIP_DISPLACEMENT", 0.008),
-        ("table-4.1", "chapter_4", "constitutive_matrix", lambda formulation, nu: 2.0 * np.eye(3)),
-    ],
-)
-def test_another_mesh_model_column_or_displacement_is_noticed(
-    monkeypatch: pytest.MonkeyPatch, name: str, module: str, constant: str, wrong: Any
-) -> None:
-    monkeypatch.setattr(f"scripts.validation.thesis.{module}.{constant}", wrong)
-    with pytest.raises(AssertionError):
-        check_agrees(CHECKS[name])
-
-
-@pytest.fixture
-def other_livers(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Livers three times as stiff and as tough as those that were measured: four cuts tell no less."""
-    liver = drawn_livers.measured_liver()
-    threefold = {name: 3.0 * getattr(liver, name) for name in ("modulus", "fracture_resistance")}
-    monkeypatch.setattr(drawn_livers, "measured_liver", lambda: dataclasses.replace(liver, **threefold))
-    monkeypatch.setattr(drawn_livers, "cuts", functools.cache(drawn_livers.cuts.__wrapped__))
-
-
-@pytest.mark.usefixtures("other_livers")
-def test_livers_three_times_as_stiff_and_tough_are_noticed() -> None:
-    for name in ("livers-by-cut", "livers-5-5", "livers-5-6", "livers-6-1"):
-        with pytest.raises(AssertionError):
-            check_agrees(CHECKS[name])
-
-
-def test_friction_that_is_assumed_instead_of_measured_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
-    right = measuring.estimate_fracture_resistance
-    forward_alone = lambda trace: right(trace.select(slice(int(np.argmax(trace.position)) + 1)))  # noqa: E731
-    monkeypatch.setattr(measuring, "estimate_fracture_resistance", forward_alone)
-    with pytest.raises(AssertionError):
-        check_agrees(CHECKS["friction"])
-
-
 # --------------------------------------------------------------------------------------------------- errata
 
 
@@ -166,11 +116,6 @@ def check_shown(erratum: str) -> None:
 @pytest.mark.parametrize("erratum", [text for _, text in tables.errata()])
 def test_every_erratum_is_named_by_a_statement_that_shows_it(erratum: str) -> None:
     check_shown(erratum)
-
-
-def test_an_erratum_without_a_statement_is_noticed() -> None:
-    with pytest.raises(AssertionError):
-        check_shown("Section 9.9 has a misprint.")
 
 
 # ----------------------------------------------------------------------------------------------- the program
@@ -248,14 +193,6 @@ def test_figure_is_drawn_into_the_folder_asked_for(name: str, tmp_path: Path) ->
     check_picture(tmp_path / "new" / f"{name}.png")
 
 
-def test_an_empty_picture_is_noticed(tmp_path: Path) -> None:
-    from matplotlib.figure import Figure
-
-    Figure(figsize=(8, 6)).savefig(tmp_path / "empty.png")
-    with pytest.raises(AssertionError):
-        check_picture(tmp_path / "empty.png")
-
-
 def test_the_program_runs_from_anywhere(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "scripts.validation.thesis.reproduce_thesis", "--only", "unit-stiffness"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
@@ -286,11 +223,6 @@ def share_that_agrees(row: str, *, shift: float = 0.0, factor: float = 1.0) -> f
 @pytest.mark.parametrize("row", ["mean_row", "sd_row"])
 def test_samples_of_one_population_agree_nineteen_times_in_twenty(row: str) -> None:
     assert share_that_agrees(row) == pytest.approx(0.95, abs=0.015)
-
-
-def test_other_means_and_other_spreads_are_noticed() -> None:
-    assert share_that_agrees("mean_row", shift=2.0) < 0.15
-    assert share_that_agrees("sd_row", factor=5.0) < 0.15
 
 
 def joint_rows(shift: float) -> list[tuple[float, bool]]:
@@ -329,10 +261,6 @@ def share_of_lines_that_agree(*, change: float) -> list[float]:
 
 def test_lines_through_points_of_one_law_agree_nineteen_times_in_twenty() -> None:
     assert share_of_lines_that_agree(change=0.0) == pytest.approx([0.95, 0.95], abs=0.015)
-
-
-def test_another_law_is_noticed() -> None:
-    assert max(share_of_lines_that_agree(change=1.0)) < 0.15
 
 
 def test_a_power_law_comes_back() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import gc
-import math
 import re
 import signal
 import subprocess
@@ -255,24 +254,3 @@ def test_the_callback_steps_a_cut_on_raw_memory_bit_for_bit(callback):
         assert call(*pointers) == reward
     assert c_observation.tobytes() == expected.tobytes()
     assert c_cut.tobytes() == cutting.plant.cuts.tobytes()
-
-
-def raising(x: float) -> float:
-    if x < 0.0:
-        raise ValueError("x must not be negative")
-    return x
-
-
-@pytest.mark.parametrize(
-    ("kernel", "found"),
-    [
-        (lambda x: math.sin(x), "sin"),
-        (lambda x: math.atan2(x, 2.0), "atan2"),
-        (lambda x: np.cumsum(np.full(int(x), x))[-1], "NRT_MemInfo_alloc"),
-        (raising, "an exception"),
-    ],
-    ids=["library", "function of a library", "memory", "exception"],
-)
-def test_a_kernel_that_needs_more_fails_the_check(kernel, found):
-    more = needs(numba.cfunc("float64(float64)", error_model="numpy")(kernel))
-    assert any(name.startswith(found) for name in more), more

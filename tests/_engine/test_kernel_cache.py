@@ -160,13 +160,6 @@ def test_the_same_holds_where_the_user_chose_the_cache(package, tmp_path):
     assert not list(package.rglob("*.nbi"))
 
 
-def test_a_cache_that_is_not_named_after_the_source_would_run_yesterdays_law(package):
-    door = package / "_engine" / "jit.py"
-    door.write_text(door.read_text().replace("return content.hexdigest()[:16]", 'return "always"'))
-    with pytest.raises(AssertionError):
-        check_edit_of_an_inlined_function_is_seen(package)
-
-
 @pytest.mark.parametrize(
     "line",
     [
@@ -343,11 +336,7 @@ def test_a_newer_numba_computes_the_same_numbers_with_one_line_that_tells_of_it(
     seen, told = [], []
     for program, environment in ((use, {}), (NEWER + use, {"NUMBA_CACHE_DIR": str(kept / "newer")})):
         done = subprocess.run(
-            [sys.executable, "-c", program],
-            capture_output=True,
-            text=True,
-            check=True,
-            env=os.environ | environment,
+            [sys.executable, "-c", program], capture_output=True, text=True, check=True, env=os.environ | environment
         )
         seen.append(done.stdout)
         told.append([line for line in done.stderr.splitlines() if "compiling what this needs" not in line])
@@ -372,7 +361,7 @@ def test_a_newer_numba_gets_none_of_the_shortcuts():
 
 
 def test_the_shortcuts_were_tested_with_the_numba_of_the_constraints():
-    pins = (Path(__file__).parents[3] / "constraints.txt").read_text(encoding="utf-8")
+    pins = (Path(__file__).parents[2] / "constraints.txt").read_text(encoding="utf-8")
     pinned = re.search(r"^numba==(\d+)\.(\d+)", pins, re.MULTILINE)
     assert pinned is not None
     assert tuple(map(int, pinned.groups())) == shortcuts.TESTED

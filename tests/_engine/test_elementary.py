@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 import cutenv
-from cutenv._engine import elementary, randomness
+from cutenv._engine import randomness
 from cutenv._engine.elementary import arctangent, cotangent, exp, log, sine_and_cosine, tanh
 from cutenv._engine.jit import njit
 from cutenv._engine.randomness import generator, normal_at, philox
@@ -79,22 +79,9 @@ def worst(found: np.ndarray, x: np.ndarray, of: Any) -> float:
         )
 
 
-def check_last_places(found: np.ndarray, x: np.ndarray, of: Any, allowed: float) -> None:
-    assert worst(found, x, of) < allowed
-
-
 @pytest.mark.parametrize(("function", "of", "x", "allowed"), CASES, ids=NAMES)
 def test_functions_are_right_to_the_last_places(function, of, x, allowed):
-    check_last_places(in_a_kernel(function, x), x, of, allowed)
-
-
-@pytest.mark.parametrize(("function", "of", "x", "allowed"), CASES, ids=NAMES)
-def test_a_series_that_ends_a_term_too_early_fails_the_check(monkeypatch, function, of, x, allowed):
-    terms = {exp: "_E13", tanh: "_E13", log: "_L19", cotangent: "_S15"}  # _L21 is a fifth of a last place
-    monkeypatch.setattr(elementary, terms[function], 0.0)
-    broken = np.array([function(each) for each in x.tolist()])
-    with pytest.raises(AssertionError):
-        check_last_places(broken, x, of, allowed)
+    assert worst(in_a_kernel(function, x), x, of) < allowed
 
 
 @pytest.mark.parametrize(("function", "of", "x", "allowed"), CASES, ids=NAMES)
@@ -148,32 +135,13 @@ def test_sine_cosine_and_arctangent_of_arrays_are_right_and_everywhere_the_same(
     assert hashlib.sha256(content).hexdigest()[:16] == BITS_OF_ARRAYS
 
 
-def check_plain_arithmetic(kernel: Any) -> None:
+def test_kernels_of_these_functions_are_plain_arithmetic():
     """A compiled kernel calls no library's function, and no product and sum may be rounded at once."""
-    (code,), (machine_code,) = kernel.inspect_llvm().values(), kernel.inspect_asm().values()
+    all_of(0, np.ones(4), np.empty(4))
+    (code,), (machine_code,) = all_of.inspect_llvm().values(), all_of.inspect_asm().values()
     assert not re.findall(r"@(?:llvm\.)?(?:exp|log|pow|tanh?|sin|cos|fma|fmuladd)[a-z0-9]*[.(]", code)
     assert not re.findall(r" f(?:add|sub|mul|div) (?:fast|contract|reassoc).*", code)
     assert not re.findall(r"\tv?fn?m(?:add|sub|la|ls)\w*\t.*", machine_code)
-
-
-def test_kernels_of_these_functions_are_plain_arithmetic():
-    all_of(0, np.ones(4), np.empty(4))
-    check_plain_arithmetic(all_of)
-
-
-@pytest.mark.parametrize(
-    "broken",
-    [
-        numba.njit(lambda x: math.exp(x)),
-        numba.njit(lambda x: x**x),
-        numba.njit(fastmath={"contract"})(lambda x: x * x + 0.1),
-    ],
-    ids=["library", "power", "fused"],
-)
-def test_other_kernels_fail_the_check(broken):
-    broken(1.5)
-    with pytest.raises(AssertionError):
-        check_plain_arithmetic(broken)
 
 
 KERNELS = {"njit", "njit_nogil", "njit_internal", "njit_inline"}
@@ -217,42 +185,16 @@ def of_the_machine(source: str) -> list[str]:
     return found
 
 
-def check_nothing_of_the_machine(source: str, name: str) -> None:
-    found = of_the_machine(source)
-    assert not found, (
-        f"{name}: {'; '.join(found)}. Libraries differ in last places: use cutenv._engine.elementary; for a power "
-        "multiply."
-    )
-
-
 def test_kernels_take_nothing_from_the_machines_libraries():
     sources = {path: path.read_text() for path in sorted(Path(inspect.getfile(cutenv)).parent.rglob("*.py"))}
     with_kernels = {path: source for path, source in sources.items() if "cutenv._engine.jit import" in source}
     assert len(with_kernels) > 20
     for path, source in with_kernels.items():
-        check_nothing_of_the_machine(source, path.name)
-
-
-@pytest.mark.parametrize(
-    "expression",
-    [
-        "math.exp(x)",
-        "np.log(x)",
-        "x**0.5",
-        "x**n",
-        "0.1**2.0",
-        "np.linalg.norm(x)",
-        "x @ x",
-        "sine(x)",
-        "math.pow(x, 2)",
-    ],
-)
-@pytest.mark.parametrize("decorator", sorted(KERNELS))
-def test_what_the_machine_computes_is_found_in_a_kernel(decorator, expression):
-    source = f"from math import sin as sine\n@{decorator}\ndef kernel(x, n):\n    return 1.0 + {expression}\n"
-    with pytest.raises(AssertionError, match=r"use cutenv\._engine\.elementary"):
-        check_nothing_of_the_machine(source, "made up")
-    check_nothing_of_the_machine(source.replace(f"@{decorator}\n", ""), "made up")
+        found = of_the_machine(source)
+        assert not found, (
+            f"{path.name}: {'; '.join(found)}. Libraries differ in last places: use cutenv._engine.elementary; "
+            "for a power multiply."
+        )
 
 
 # Known answers of the Random123 library, file kat_vectors: counter, key, result.
@@ -288,25 +230,6 @@ def test_philox_gives_the_published_answers(counter, key, words, rounds):
     assert tuple(int(w) for w in rounds(*(np.uint64(v) for v in (*key, *counter)))) == words
 
 
-@pytest.mark.parametrize("place", range(6))
-def test_every_bit_of_key_and_counter_matters(place):
-    words = [np.uint64(v) for v in (1, 2, 3, 4, 5, 6)]
-    before = philox(*words)
-    words[place] ^= np.uint64(1 << 31)
-    flipped = sum(int(a ^ b).bit_count() for a, b in zip(before, philox(*words), strict=True))
-    assert 64 - 4 * math.sqrt(32) < flipped < 64 + 4 * math.sqrt(32)
-
-
-def check_normal(z: np.ndarray) -> None:
-    """Moments, tails and the distribution function within 4 standard errors."""
-    n = len(z)
-    for power, moment, variance in ((1, 0, 1), (2, 1, 2), (3, 0, 15), (4, 3, 96)):
-        assert np.mean(z**power) == pytest.approx(moment, abs=4.0 * math.sqrt(variance / n))
-    for quantile in (-2.0, -1.0, 0.0, 0.5, 3.0):
-        p = 0.5 * (1.0 + math.erf(quantile / math.sqrt(2.0)))
-        assert np.mean(z < quantile) == pytest.approx(p, abs=4.0 * math.sqrt(p * (1.0 - p) / n))
-
-
 def test_layers_of_the_ziggurat_are_of_equal_area():
     """The lowest with the tail beyond R, the topmost up to the curve's peak."""
     r = mpmath.mpf(randomness._R)
@@ -318,29 +241,19 @@ def test_layers_of_the_ziggurat_are_of_equal_area():
 
 
 def test_numbers_are_standard_normal():
-    check_normal(normals(1, 2, 3, N))
-
-
-def test_other_distributions_fail_the_check():
-    rng = np.random.default_rng(0)
-    for broken in (
-        rng.uniform(-math.sqrt(3), math.sqrt(3), N),
-        1.02 * rng.standard_normal(N),
-        rng.standard_t(8, N),
-    ):
-        with pytest.raises(AssertionError):
-            check_normal(broken)
+    """Moments, tails and the distribution function within 4 standard errors."""
+    z = normals(1, 2, 3, N)
+    n = len(z)
+    for power, moment, variance in ((1, 0, 1), (2, 1, 2), (3, 0, 15), (4, 3, 96)):
+        assert np.mean(z**power) == pytest.approx(moment, abs=4.0 * math.sqrt(variance / n))
+    for quantile in (-2.0, -1.0, 0.0, 0.5, 3.0):
+        p = 0.5 * (1.0 + math.erf(quantile / math.sqrt(2.0)))
+        assert np.mean(z < quantile) == pytest.approx(p, abs=4.0 * math.sqrt(p * (1.0 - p) / n))
 
 
 def test_neighbours_in_counter_stream_episode_and_seed_are_independent():
     z = normals(1, 2, 3, N)
-    others = [
-        normals(2, 2, 3, N),
-        normals(1, 3, 3, N),
-        normals(1, 2, 4, N),
-        normals(2, 1, 3, N),
-        np.roll(z, 1),
-    ]
+    others = [normals(2, 2, 3, N), normals(1, 3, 3, N), normals(1, 2, 4, N), normals(2, 1, 3, N), np.roll(z, 1)]
     for one, two in itertools.combinations([z, *others], 2):
         assert abs(np.mean(one * two)) < 4.0 / math.sqrt(N)
         assert abs(np.mean(one**2 * two**2) - 1.0) < 4.0 * math.sqrt(8.0 / N)
