@@ -441,7 +441,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         for group, values in self.batch.further_infos().items():
             inside, info["_" + group] = info.setdefault(group, {}), present
             for name, value in values.items():
-                inside[name], inside["_" + name] = value.copy(), present
+                inside[name], inside["_" + name] = np.where(present, value, 0.0), present
         return info
 
     def _add_ends(self, info: dict[str, Any], ended: Flags, ends: NDArray[np.int64]) -> None:

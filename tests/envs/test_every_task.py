@@ -122,7 +122,7 @@ EITHER = itertools.cycle(("NextStep", "SameStep"))
 BATCHES = [
     *((IDS[0], mode, SHORT | {"flat_info": True}) for mode in ("NextStep", "SameStep", "Disabled")),
     *((IDS[0], next(EITHER), SHORT | keywords) for keywords in VECTORS),
-    *((TASKS[task].id, "NextStep", SHORT | keywords) for task, keywords in OF_TASKS),
+    *((TASKS[task].id, next(EITHER), SHORT | keywords) for task, keywords in OF_TASKS),
     *((TASKS[task].id, "NextStep", SHORT | {"flat_info": True}) for task in ("depth", "path")),
     (TRACKS[0], "NextStep", {}),
     (TRACKS[1], "SameStep", {}),
