@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -36,3 +38,13 @@ def render(
     )
     environment.filters.update(filters or {})
     return environment.get_template(template.name).render(values)
+
+
+def as_base64(data: bytes) -> str:
+    """Return bytes as text for a page."""
+    return base64.b64encode(data).decode("ascii")
+
+
+def script_digest(code: str) -> str:
+    """Return a script's SHA-256 as base64, for a content security policy."""
+    return as_base64(hashlib.sha256(code.encode()).digest())

@@ -24,7 +24,10 @@ from cutenv._base.resources import described_version
 
 @dataclass(frozen=True)
 class Command:
-    """Command, run by ``main(argv)`` of the module named after it. With parts it has sub-commands instead."""
+    """Command, run by ``main(argv)`` of the module named after it.
+
+    With parts it has sub-commands instead.
+    """
 
     summary: str  # a line of help
     extra: str = ""  # the extra that brings what the command needs beyond the package, or beyond its group's extra

@@ -70,7 +70,10 @@ def studied_cuts(arguments: argparse.Namespace, rows: Sequence[OperatorRow] | No
 
 
 def _that_count(pairs: Sequence[tuple[OperatorRow, int]], traces: Sequence[Trace]) -> list[tuple[OperatorRow, int]]:
-    """Return cuts not made for practice; raise ValueError without any. The number left out is printed."""
+    """Return cuts not made for practice; raise ValueError without any.
+
+    The number left out is printed.
+    """
     counted = [pair for pair in pairs if traces[pair[1]].metadata.get("practice") is not True]
     count = len(pairs) - len(counted)
     if pairs and not counted:

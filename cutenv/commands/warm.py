@@ -69,7 +69,10 @@ def parts() -> list[str]:
 
 
 def compile_part(name: str) -> None:
-    """Compile the kernels of a task or the emulator. Of a task: by truth and by estimate, its scripts and planner."""
+    """Compile the kernels of a task or the emulator.
+
+    Of a task: by truth and by estimate, its scripts and planner.
+    """
     if name == _RIG:
         _use_rigs()
         return

@@ -38,7 +38,10 @@ class FrameError(ValueError):
 
 
 class SensorFrame(NamedTuple):
-    """Reading in a frame. Six counts, status (0: healthy), and the sensor's own time [us], -1 where it sends none."""
+    """Reading in a frame.
+
+    Six counts, status (0: healthy), and the sensor's own time [us], -1 where it sends none.
+    """
 
     counts: tuple[int, int, int, int, int, int]
     status: int
@@ -46,7 +49,10 @@ class SensorFrame(NamedTuple):
 
 
 class FrameFormat(NamedTuple):
-    """Format of frames. First bytes, size, and the function that parses a frame or raises :class:`FrameError`."""
+    """Format of frames.
+
+    First bytes, size, and the function that parses a frame or raises :class:`FrameError`.
+    """
 
     header: bytes
     size: int
@@ -107,7 +113,10 @@ _STAMPS = 2**32  # times of a sensor are counted modulo this [us]
 
 
 class FramedProtocol(Protocol):
-    """Protocol of one maker's sensor. Its frames, and how their stream begins and ends."""
+    """Protocol of one maker's sensor.
+
+    Its frames, and how their stream begins and ends.
+    """
 
     name: str  # name of the sensor, for messages
     baud: int  # baud rate

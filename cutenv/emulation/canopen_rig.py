@@ -33,7 +33,10 @@ HINGE = Axis(
 
 
 class MechanicalRange(NamedTuple):
-    """Travel and speed of an emulated rig. Axes as mounted, and the limits of its file."""
+    """Travel and speed of an emulated rig.
+
+    Axes as mounted, and the limits of its file.
+    """
 
     blade: Axis
     angle: Axis

@@ -210,7 +210,10 @@ class _Rise:
 
 
 class RecordedPlant(FreeAcross):
-    """Recorded cut, replayed millisecond by millisecond, whatever is commanded. At its end the blade rests."""
+    """Recorded cut, replayed millisecond by millisecond, whatever is commanded.
+
+    At its end the blade rests.
+    """
 
     def __init__(self, trace: Trace) -> None:
         self._tape = ReplayPlant(trace)

@@ -47,7 +47,10 @@ _ARM = 0.1  # [m] from the blade's lower end up to the sensor, of a rig with a h
 
 @dataclass
 class CrossFaults:
-    """Faults of an axis across the cut. Each can be changed at any instant."""
+    """Faults of an axis across the cut.
+
+    Each can be changed at any instant.
+    """
 
     stuck: bool = False  # True if its encoder shows one place
     blocked: bool = False  # True if the blade stands, and its encoder shows it

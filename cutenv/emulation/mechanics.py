@@ -41,7 +41,10 @@ MODE_OFF, MODE_VELOCITY, MODE_RAMP = 0, 1, 2
 
 @dataclass(frozen=True, kw_only=True)
 class Mechanics:
-    """Motor, gear and load. The defaults are those of the blade's carriage, :func:`hinge` gives the other's."""
+    """Motor, gear and load.
+
+    The defaults are those of the blade's carriage, :func:`hinge` gives the other's.
+    """
 
     lag: float = parameter(
         0.040,

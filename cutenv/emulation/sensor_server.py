@@ -316,7 +316,10 @@ _RATE = 1000.0  # [Hz] of the readings; the caller of send has to keep it
 
 
 class AnalogueFaults(SensorFaults):
-    """Faults of analogue wires and a board. All of a sensor's but those of packets."""
+    """Faults of analogue wires and a board.
+
+    All of a sensor's but those of packets.
+    """
 
     def __setattr__(self, name: str, value: Any) -> None:
         """Refuse a fault that wires cannot have."""

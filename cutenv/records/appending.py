@@ -1,4 +1,7 @@
-"""Record on disk that grows during the cut. It stays readable whatever happens to the process."""
+"""Record on disk that grows during the cut.
+
+It stays readable whatever happens to the process.
+"""
 
 from __future__ import annotations
 

@@ -129,7 +129,10 @@ def read_metadata(path: Path) -> dict[str, Any]:
 
 
 def is_own(path: Path) -> bool:
-    """Return whether a file begins as a record of this package. The schema shows it, or headers that have units."""
+    """Return whether a file begins as a record of this package.
+
+    The schema shows it, or headers that have units.
+    """
     with path.open(encoding="latin-1") as file:  # any bytes will do: only the beginning counts
         for line in file:
             text = line.removeprefix("\xef\xbb\xbf").strip()

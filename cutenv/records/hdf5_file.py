@@ -1,4 +1,7 @@
-"""Records as HDF5. A group for each cut, a dataset with its unit for each field, metadata as JSON."""
+"""Records as HDF5.
+
+A group for each cut, a dataset with its unit for each field, metadata as JSON.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Records as MCAP, the container of ROS 2 bags. Exact readings for us, standard messages for the tools of ROS."""
+"""Records as MCAP, the container of ROS 2 bags.
+
+Exact readings for us, standard messages for the tools of ROS.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Records as Parquet. One table with units in the names of its columns, schema and metadata beside it."""
+"""Records as Parquet.
+
+One table with units in the names of its columns, schema and metadata beside it.
+"""
 
 from __future__ import annotations
 

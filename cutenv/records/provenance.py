@@ -1,4 +1,7 @@
-"""Provenance of a record. Rig, sensor, blade, specimen, day, consent, calibration; operator, group, session, order."""
+"""Provenance of a record.
+
+Rig, sensor, blade, specimen, day, consent, calibration; operator, group, session, order.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Columns of a record's file. The common form into which every format is read, and from which traces are made."""
+"""Columns of a record's file.
+
+The common form into which every format is read, and from which traces are made.
+"""
 
 from __future__ import annotations
 

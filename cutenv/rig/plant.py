@@ -1,4 +1,7 @@
-"""Rig as a plant. It sends the policy's commands at a fixed rate, and returns the measurements at 1 kHz."""
+"""Rig as a plant.
+
+It sends the policy's commands at a fixed rate, and returns the measurements at 1 kHz.
+"""
 
 from __future__ import annotations
 

@@ -324,7 +324,10 @@ class RemoteSpine:
 
 
 class _HearingClock(SystemClock):
-    """The machine's clock. Whoever waits by it takes in what the spine has reported."""
+    """The machine's clock.
+
+    Whoever waits by it takes in what the spine has reported.
+    """
 
     def __init__(self, hear: Callable[[], None]) -> None:
         super().__init__()

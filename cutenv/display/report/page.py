@@ -13,10 +13,8 @@ phrase fits, such as a person's code, stays as it is.
 
 from __future__ import annotations
 
-import base64
 import csv
 import functools
-import hashlib
 import html
 import io
 import math
@@ -25,7 +23,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from cutenv._base.document import render
+from cutenv._base.document import as_base64, render
 from cutenv._base.language_files import ENGLISH, languages, local_date, local_number, phrases_from_english
 from cutenv._base.output import atomic_write
 from cutenv._base.result_table import Reason
@@ -107,16 +105,6 @@ def spoken(name: str) -> str:
 def estimate_text(mean: float, low: float, high: float, digits: int) -> str:
     """Return a mean with its interval, small in tables of pages."""
     return f"{number(mean, digits)} [{number(low, digits)}, {number(high, digits)}]"
-
-
-def as_base64(data: bytes) -> str:
-    """Return bytes as text for a page."""
-    return base64.b64encode(data).decode("ascii")
-
-
-def script_digest(code: str) -> str:
-    """Return a script's SHA-256 as base64, for a content security policy."""
-    return as_base64(hashlib.sha256(code.encode()).digest())
 
 
 def embedded_figure(figure: Figure) -> EmbeddedFigure:

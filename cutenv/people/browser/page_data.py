@@ -13,9 +13,8 @@ import numpy as np
 import cutenv
 from cutenv._base import resources
 from cutenv._base.arrays import StructArray
-from cutenv._base.document import render
+from cutenv._base.document import as_base64, render, script_digest
 from cutenv._base.language_files import languages, texts_by_key
-from cutenv.display.report.page import as_base64, script_digest
 from cutenv.display.viewer.drawn_slab import Slab
 from cutenv.display.viewer.scene_parts import scene_data
 from cutenv.people.browser.watched_cut import expert_way, kind_of_expert

@@ -34,12 +34,17 @@ from cutenv.people.classroom.people_pages import PeoplePages
 from cutenv.people.classroom.teacher_pages import StudyPages, TeacherPages, UploadPages
 
 CLAIM_FILE = "server.lock"
-"""Name of the file in the class's folder. It stays when a server has ended, and then claims nothing."""
+"""Name of the file in the class's folder.
+
+It stays when a server has ended, and then claims nothing.
+"""
 HEADER_WITHIN = 10.0
 """Time that the header of a request may take [s]."""
 MOST_SILENT = 128
-"""Connections of one address that have sent no header; beyond, the one that has waited longest is closed.  A class
-behind one address may connect at once, before any of its headers is read."""
+"""Connections of one address that have sent no header; beyond, the one that has waited longest is closed.
+
+A class behind one address may connect at once, before any of its headers is read.
+"""
 MOST_CONNECTIONS = 250
 """Connections of one address; beyond, new ones are closed."""
 _TAKEN = (errno.EACCES, errno.EAGAIN, errno.EDEADLK)  # others: a disk without locks, where nothing is known

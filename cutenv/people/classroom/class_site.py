@@ -25,9 +25,9 @@ from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Re
 from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from cutenv._base.document import render
+from cutenv._base.document import render, script_digest
 from cutenv._base.language_files import languages, local_moment
-from cutenv.display.report.page import script_digest, translated
+from cutenv.display.report.page import translated
 from cutenv.envs.tissue_source import TissueSource
 from cutenv.people.browser.page_data import page_data
 from cutenv.people.classroom.class_store import teacher_of

@@ -14,7 +14,8 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.routing import Route
 
-from cutenv.display.report.page import script_digest, translated
+from cutenv._base.document import script_digest
+from cutenv.display.report.page import translated
 from cutenv.people.classroom.class_site import LAUNCH_PATHS, ClassSite, Pages, text_of
 from cutenv.people.classroom.host_names import is_loopback
 from cutenv.people.classroom.lti_keys import BadToken

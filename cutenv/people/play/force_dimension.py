@@ -18,7 +18,10 @@ FORCE_DIMENSION_AXES = HandleAxes(along="y", lean="x", up="z")
 FORCE_DIMENSION_COUPLING = VirtualCoupling(
     stiffness=150.0, damping=0.1, device_damping=0.5, device_mass=0.2, period=0.005
 )
-"""Coupling for a force that a program in Python holds for 5 ms at most. The device's damping is assumed: measure it."""
+"""Coupling for a force that a program in Python holds for 5 ms at most.
+
+The device's damping is assumed: measure it.
+"""
 _BUTTONS = ("next", "repeat")
 
 

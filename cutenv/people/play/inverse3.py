@@ -21,7 +21,10 @@ from cutenv.people.play.polled_handle import HandleSample, checked_sample
 INVERSE3_URL = "ws://localhost:10001"
 """Address of the service on its own machine."""
 INVERSE3_COUPLING = VirtualCoupling(stiffness=150.0, damping=0.1, device_damping=0.5, device_mass=0.3, period=0.005)
-"""Coupling for a force that a program in Python holds for 5 ms at most. The device's damping is assumed: measure it."""
+"""Coupling for a force that a program in Python holds for 5 ms at most.
+
+The device's damping is assumed: measure it.
+"""
 _PROFILE = "cutenv:play"
 _BUTTONS = {"a": "next", "b": "repeat", "button_0": "next", "button_1": "repeat"}
 _OPEN_WITHIN, _ANSWER_WITHIN = 3.0, 0.010  # [s]

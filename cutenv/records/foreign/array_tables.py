@@ -154,7 +154,10 @@ def table_of_arrays(
 def below_one_another(
     path: Path, about: str, tables: Sequence[tuple[str, NamedColumns]], notes: Sequence[str]
 ) -> NamedColumns:
-    """Return several named records as one table with parts. Those with other columns are left out."""
+    """Return several named records as one table with parts.
+
+    Those with other columns are left out.
+    """
     headers = tables[0][1].headers
     alike = [(name, table) for name, table in tables if table.headers == headers]
     others = [name for name, table in tables if table.headers != headers]

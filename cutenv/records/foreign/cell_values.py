@@ -1,4 +1,7 @@
-"""Cells of a text table as numbers. Decimal signs, thousands, units in the cell, dates, clocks and durations."""
+"""Cells of a text table as numbers.
+
+Decimal signs, thousands, units in the cell, dates, clocks and durations.
+"""
 
 from __future__ import annotations
 

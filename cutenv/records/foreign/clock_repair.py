@@ -1,4 +1,7 @@
-"""Times of a record as a clock printed them. Set back, restarted, printed too coarsely, out of order, repeated."""
+"""Times of a record as a clock printed them.
+
+Set back, restarted, printed too coarsely, out of order, repeated.
+"""
 
 from __future__ import annotations
 

@@ -30,7 +30,10 @@ USUAL_UNITS = {"time": "ms", "position": "mm", "speed": "mm/s", "angle": "deg", 
 
 @dataclass(frozen=True, kw_only=True)
 class Expression:
-    """Source of a field. A column, its opposite, the norm of several, or one number set by hand."""
+    """Source of a field.
+
+    A column, its opposite, the norm of several, or one number set by hand.
+    """
 
     columns: tuple[str, ...] = ()  # names in the file, or places such as ``#2``; empty if the field is a number
     is_norm: bool = False  # true if the field is the root of the sum of the columns' squares
@@ -172,7 +175,10 @@ class ColumnMap:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> ColumnMap:
-        """Read a saved mapping from its file or folder. A file not written by :meth:`save` is a RecordError."""
+        """Read a saved mapping from its file or folder.
+
+        A file not written by :meth:`save` is a RecordError.
+        """
         path = Path(path)
         path = path / MAP_FILE if path.is_dir() else path
         try:
@@ -182,7 +188,10 @@ class ColumnMap:
 
 
 def options_text(items: Mapping[str, str]) -> str:
-    """Return command line options for a mapping's items. The item "unit" is the unit of the force."""
+    """Return command line options for a mapping's items.
+
+    The item "unit" is the unit of the force.
+    """
     order = ("time", "rate", *(field for field in UNITS if field != "time"), "split_by")
     fields = [shlex.quote(f"{name}={items[name]}") for name in order if name in items]
     unit = f" --unit {items['unit']}" if "unit" in items else ""

@@ -1,4 +1,7 @@
-"""Search for the cuts in a long record. The sensor's zero, the first contact, the end, the pauses between."""
+"""Search for the cuts in a long record.
+
+The sensor's zero, the first contact, the end, the pauses between.
+"""
 
 from __future__ import annotations
 

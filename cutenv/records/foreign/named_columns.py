@@ -1,4 +1,7 @@
-"""Named columns of a foreign file, whatever its format. A mapping, or the proposal of one, is made from them."""
+"""Named columns of a foreign file, whatever its format.
+
+A mapping, or the proposal of one, is made from them.
+"""
 
 from __future__ import annotations
 

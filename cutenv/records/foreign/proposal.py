@@ -401,7 +401,10 @@ class _Columns:
         return chosen
 
     def likely_unit(self, force: int) -> str | None:
-        """Return the likely unit of a force without one: usually newtons. None for whole numbers of a converter."""
+        """Return the likely unit of a force without one: usually newtons.
+
+        None for whole numbers of a converter.
+        """
         values = self.known(force)
         span = float(np.ptp(values))
         if len(values) >= _FEWEST and span > _FEWEST_COUNTS and bool((values % 1.0 == 0.0).all()):

@@ -397,7 +397,10 @@ def _field(message: Any, name: str) -> Any:
 
 
 def _numbers_in(message: Any, path: str = "", unit: str = "") -> Iterator[tuple[str, float]]:
-    """Yield header and value of a message's numbers. Joints go by their names, short arrays by places."""
+    """Yield header and value of a message's numbers.
+
+    Joints go by their names, short arrays by places.
+    """
     kind = getattr(message, "__msgtype__", "")
     if kind in ("std_msgs/msg/Header", "builtin_interfaces/msg/Time"):
         return

@@ -1,4 +1,7 @@
-"""Text files as lines, and lines of no table yet. JSON, keys and values, the arrows of a serial monitor."""
+"""Text files as lines, and lines of no table yet.
+
+JSON, keys and values, the arrows of a serial monitor.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Tables of numbers from any program. Encoding, separator, decimal sign, header, units and specimens are detected."""
+"""Tables of numbers from any program.
+
+Encoding, separator, decimal sign, header, units and specimens are detected.
+"""
 
 from __future__ import annotations
 
@@ -478,7 +481,10 @@ def _common_words(split: list[list[str]], numeric: list[int], decimal: str) -> s
 
 @functools.lru_cache(maxsize=1 << 14)
 def _is_number(cell: str, *, decimal: str) -> bool:
-    """Return whether a cell holds a number or a time. A number may have thousands or a unit."""
+    """Return whether a cell holds a number or a time.
+
+    A number may have thousands or a unit.
+    """
     if _NUMBER[decimal].fullmatch(cell):
         return True
     if not _DIGIT.search(cell):

@@ -230,7 +230,10 @@ def _ends(position: Array, stroke: Stroke) -> tuple[float, float]:
 
 
 def _closed_loop(trace: Trace, position: Array, depth: DepthProfile, way_back: ReturnStroke, phi: float) -> float:
-    """Return R of a closed loop, with no energy stored. R = (W - phi int B |dx|) / int_0^a B da + phi."""
+    """Return R of a closed loop, with no energy stored.
+
+    R = (W - phi int B |dx|) / int_0^a B da + phi.
+    """
     W = _work(trace, position, way_back.stop)
     rubbed = phi * _rubbed_area(trace, position, depth, way_back.stop)
     return (W - rubbed) / depth.area(float(position[0]), way_back.tip) + phi

@@ -107,7 +107,10 @@ class Places:
         self._pairs = np.array([max(len(each), 1) for each in squares])
 
     def mean_variances(self, variance: float, length: float) -> Array:
-        """Return variances of a field's mean per cut, (n_cuts,). A cut without positions has 0."""
+        """Return variances of a field's mean per cut, (n_cuts,).
+
+        A cut without positions has 0.
+        """
         correlation = np.exp(-0.5 * self._squares / length**2)
         return np.asarray(variance * np.bincount(self._cut, correlation, len(self._pairs)) / self._pairs)
 
@@ -293,7 +296,10 @@ def resampled(rng: np.random.Generator, n: int) -> Array:
 
 
 def variance(values: Array, counts: Array) -> float:
-    """Return the unbiased variance of ``values``, weighted by ``counts``. More than one value is needed."""
+    """Return the unbiased variance of ``values``, weighted by ``counts``.
+
+    More than one value is needed.
+    """
     n = float(counts.sum())
     return float(counts @ (values - counts @ values / n) ** 2) / (n - 1.0)
 

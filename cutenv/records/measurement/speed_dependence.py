@@ -106,7 +106,10 @@ def fit_speed_dependence(speeds: ArrayLike, angles: ArrayLike, moduli: ArrayLike
 
 
 def on_line(speed: ArrayLike) -> Array:
-    """Return the speed [m/s] of equal fall on a straight line. The fall is that of pig liver's steps."""
+    """Return the speed [m/s] of equal fall on a straight line.
+
+    The fall is that of pig liver's steps.
+    """
     return speed_on_line(speed, measured_liver().falls_90)
 
 

@@ -54,7 +54,10 @@ def strokes(trace: Trace) -> list[Stroke]:
 
 
 def bins_of_readings(n_readings: int, size: int) -> NDArray[np.intp]:
-    """Return borders of bins of ``size`` readings, shape (n_bins + 1,). The last bin has up to twice as many."""
+    """Return borders of bins of ``size`` readings, shape (n_bins + 1,).
+
+    The last bin has up to twice as many.
+    """
     n_bins = max(1, n_readings // size)
     return np.append(np.arange(n_bins) * size, n_readings).astype(np.intp)
 

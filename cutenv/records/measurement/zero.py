@@ -164,7 +164,10 @@ def _line(time: Array, *rests: _Mean | None) -> Array:
 
 
 def _after(trace: Trace, position: Array, before: _Mean | None) -> _Mean | None:
-    """Return the zero after a cut, None if friction hides it. It is also None if the blade did not come back."""
+    """Return the zero after a cut, None if friction hides it.
+
+    It is also None if the blade did not come back.
+    """
     rest = _rest(trace, position, at_end=True)
     mean = _mean_at_rest(trace, rest, at_end=True)
     here = float(position[rest].mean()) if mean is not None else np.inf
@@ -200,7 +203,10 @@ def _held(trace: Trace, before: _Mean | None, after: _Mean, rise: float, B: floa
 
 
 def _on_the_way_back(trace: Trace) -> float | None:
-    """Return the return stroke's constant force [N], None if hidden. The force is 0 if negligible."""
+    """Return the return stroke's constant force [N], None if hidden.
+
+    The force is 0 if negligible.
+    """
     back = fit_return_stroke(trace, DepthProfile.recorded(trace, by="zeroed"), with_offset=True)
     if back is None or back.offset_error > _TOLD:
         return None

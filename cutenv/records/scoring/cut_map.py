@@ -1,4 +1,7 @@
-"""Maps of a cut: depth, or distance to a line. They have a value at each point that the tip has passed."""
+"""Maps of a cut: depth, or distance to a line.
+
+They have a value at each point that the tip has passed.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,10 @@ LINE_KEY = "line_m"  # key, in a record's metadata, of the line to cut along: pl
 
 
 class CutMap(ABC):
-    """Map of a cut, with charges and shortcomings. It has a value every 0.5 mm from the clamp to the tip."""
+    """Map of a cut, with charges and shortcomings.
+
+    It has a value every 0.5 mm from the clamp to the tip.
+    """
 
     part: str  # name of the part of the score that it decides
 

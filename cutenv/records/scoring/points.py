@@ -1,4 +1,7 @@
-"""Points of a cut, part by part. The overall score is their sum, up to 100."""
+"""Points of a cut, part by part.
+
+The overall score is their sum, up to 100.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Checks of a record of force for faults. Each fault has a name: what is seen, where, how sure, and the cure."""
+"""Checks of a record of force for faults.
+
+Each fault has a name: what is seen, where, how sure, and the cure.
+"""
 
 from __future__ import annotations
 

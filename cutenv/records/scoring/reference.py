@@ -1,4 +1,7 @@
-"""Reference sets. Many scored cuts of known origin, among which a cut's metrics are ranked as percentiles."""
+"""Reference sets.
+
+Many scored cuts of known origin, among which a cut's metrics are ranked as percentiles.
+"""
 
 from __future__ import annotations
 

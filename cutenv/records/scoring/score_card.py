@@ -1,4 +1,7 @@
-"""Score card of one cut. All metrics, what they rest on, what is doubtful, and percentiles in a reference set."""
+"""Score card of one cut.
+
+All metrics, what they rest on, what is doubtful, and percentiles in a reference set.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""A cut prepared for the metrics. Record, target, crack tip, and the force at a fixed rate; all computed lazily."""
+"""A cut prepared for the metrics.
+
+Record, target, crack tip, and the force at a fixed rate; all computed lazily.
+"""
 
 from __future__ import annotations
 
@@ -325,7 +328,10 @@ class ScoredCut:
 
     @cached_property
     def jumps(self) -> Array:
-        """Unstable growth at each instant [m]. If estimated, growth is in windows of 40 ms, each run in its first."""
+        """Unstable growth at each instant [m].
+
+        If estimated, growth is in windows of 40 ms, each run in its first.
+        """
         if self.truth is not None:
             return self.truth.jump
         borders = even_instants(self.time, 1.0 / RUNS_EVERY)

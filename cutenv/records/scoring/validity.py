@@ -335,7 +335,10 @@ QUICKNESS = 1.67
 
 
 class Lurches(NamedTuple):
-    """Motion of a blade where the force falls suddenly. In a hand it lurches there, on a stiff drive it does not."""
+    """Motion of a blade where the force falls suddenly.
+
+    In a hand it lurches there, on a stiff drive it does not.
+    """
 
     drops: int
     """Sudden falls of the force."""

@@ -1,1 +1,4 @@
-"""Configuration of a rig. Settings, their schema in its file, calibrations and identified constants."""
+"""Configuration of a rig.
+
+Settings, their schema in its file, calibrations and identified constants.
+"""

@@ -45,7 +45,10 @@ class FileKey(NamedTuple):
 
 
 class FileSection(NamedTuple):
-    """One table of the file. The one without a name is at the top."""
+    """One table of the file.
+
+    The one without a name is at the top.
+    """
 
     name: str
     about: str

@@ -11,8 +11,10 @@ SIMULATED = (
     "motor_lag", "dead_time", "acceleration", "backlash", "force_noise", "force_resolution", "force_drift",
     "force_delay",
 )  # fmt: skip
-"""Fields that are constants of the simulated rig too, under the same names.  The axis's friction is not one: a stiff
-drive does not yield to it, and the sensor sits behind it."""
+"""Fields that are constants of the simulated rig too, under the same names.
+
+The axis's friction is not one: a stiff drive does not yield to it, and the sensor sits behind it.
+"""
 
 _OF_A_VELOCITY_LOOP = ("motor_lag", "backlash")
 

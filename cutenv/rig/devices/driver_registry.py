@@ -27,7 +27,10 @@ Shared = TypeVar("Shared")
 
 
 class DriverKind(StrEnum):
-    """Kind of a driver. Packages register theirs as an entry point of the group."""
+    """Kind of a driver.
+
+    Packages register theirs as an entry point of the group.
+    """
 
     MOTION = "motion"
     FORCE = "force"

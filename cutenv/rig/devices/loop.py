@@ -34,7 +34,10 @@ class Repeating(Protocol):
     """Handle of an action that is repeated at a fixed period."""
 
     def stop(self) -> None:
-        """End the repetition; return once the action has ended. May be called twice, and by the action itself."""
+        """End the repetition; return once the action has ended.
+
+        May be called twice, and by the action itself.
+        """
         ...
 
 
@@ -221,7 +224,10 @@ class Attempt:
 
 
 class FakeClock:
-    """Clock that moves only while somebody waits. Due actions then run in order, in the waiting thread."""
+    """Clock that moves only while somebody waits.
+
+    Due actions then run in order, in the waiting thread.
+    """
 
     def __init__(self, start: float = 100.0) -> None:
         self._now = start

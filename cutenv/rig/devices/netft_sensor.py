@@ -237,7 +237,10 @@ _CURE = "Is the sensor powered and on this network, and sensor.address (or senso
 
 
 class _Tree(ET.TreeBuilder):
-    """Tree builder that refuses a document type. Its entities can expand without limit or refer elsewhere."""
+    """Tree builder that refuses a document type.
+
+    Its entities can expand without limit or refer elsewhere.
+    """
 
     def __init__(self, address: str) -> None:
         super().__init__()

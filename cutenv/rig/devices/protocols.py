@@ -1,4 +1,7 @@
-"""Interfaces to the hardware. Axis, sensor, their samples in SI and radians, listeners, and the latch they share."""
+"""Interfaces to the hardware.
+
+Axis, sensor, their samples in SI and radians, listeners, and the latch they share.
+"""
 
 from __future__ import annotations
 
@@ -232,7 +235,10 @@ def interpolated(
 
 
 class MotionListener(Protocol):
-    """Receiver of an axis's reports. Called from the loop, or from a driver's thread, and must never wait."""
+    """Receiver of an axis's reports.
+
+    Called from the loop, or from a driver's thread, and must never wait.
+    """
 
     def motion(self, axis: str, sample: MotionSample) -> None:
         """Take a sample of position, speed and state that has arrived."""
@@ -354,7 +360,10 @@ class MotionDriver(Protocol):
 
 @runtime_checkable
 class ZeroedByHand(Protocol):
-    """Axis without a reference of its own. A person puts it at the clamp, and says so, whenever it had no power."""
+    """Axis without a reference of its own.
+
+    A person puts it at the clamp, and says so, whenever it had no power.
+    """
 
     def set_zero(self) -> None:
         """Take the present position, without power, as zero."""

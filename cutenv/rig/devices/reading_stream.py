@@ -124,7 +124,10 @@ class ReadingStream:
 
 
 class ReadingMean:
-    """Mean of so many readings, and of its ten parts. Updated by the loop, awaited by another thread."""
+    """Mean of so many readings, and of its ten parts.
+
+    Updated by the loop, awaited by another thread.
+    """
 
     def __init__(self, samples: float) -> None:
         cure = "A fifth of a second is usual: 200 at 1 kHz."

@@ -1,1 +1,4 @@
-"""Operation of a rig. Operator, checks before motion, session, specimens and jogging."""
+"""Operation of a rig.
+
+Operator, checks before motion, session, specimens and jogging.
+"""

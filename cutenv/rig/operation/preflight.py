@@ -42,7 +42,10 @@ _SAME = 0.02  # relative difference allowed between a drive's limit and the file
 
 @dataclass(frozen=True)
 class Check:
-    """Result of one check. Its name, whether it passed, and what was found."""
+    """Result of one check.
+
+    Its name, whether it passed, and what was found.
+    """
 
     name: str
     passed: bool

@@ -24,7 +24,10 @@ from cutenv.rig.plant import RigPlant
 
 @dataclass(frozen=True, kw_only=True)
 class Stretch:
-    """Part of the experiment, from rest to rest. Times [s] on one clock, samples as they arrived."""
+    """Part of the experiment, from rest to rest.
+
+    Times [s] on one clock, samples as they arrived.
+    """
 
     command_time: Array  # speeds [m/s] put on the bus; each holds until the next, and before the first the axis rests
     command: Array
@@ -34,7 +37,10 @@ class Stretch:
 
 
 class Felt(NamedTuple):
-    """Readings of the force along the cut while the axis moves. Times [s] and forces [N], each of shape (n,)."""
+    """Readings of the force along the cut while the axis moves.
+
+    Times [s] and forces [N], each of shape (n,).
+    """
 
     time: Array
     force: Array

@@ -64,7 +64,10 @@ def recorded_rows(plant: RigPlant, readings: StructArray) -> tuple[list[Reading]
 
 @dataclass(frozen=True, kw_only=True)
 class SpecimenKey:
-    """Key of a drawn specimen. Hardware cuts whatever is laid, and stores the key as a label."""
+    """Key of a drawn specimen.
+
+    Hardware cuts whatever is laid, and stores the key as a label.
+    """
 
     seed: int
     episode: int

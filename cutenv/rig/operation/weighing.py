@@ -1,4 +1,7 @@
-"""Calibration of a force sensor by known weights. Counts, or newtons, against what hangs on it."""
+"""Calibration of a force sensor by known weights.
+
+Counts, or newtons, against what hangs on it.
+"""
 
 from __future__ import annotations
 

@@ -1,1 +1,4 @@
-"""Safety of a rig. The supervisor, its monitors, causes of a stop and quick stops."""
+"""Safety of a rig.
+
+The supervisor, its monitors, causes of a stop and quick stops.
+"""

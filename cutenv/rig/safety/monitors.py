@@ -368,7 +368,10 @@ class LinearMonitor:
 
 
 class HeightMonitor(LinearMonitor):
-    """Monitor of the height axis. Commands are upwards, and a blade that cannot be raised is a fault."""
+    """Monitor of the height axis.
+
+    Commands are upwards, and a blade that cannot be raised is a fault.
+    """
 
     def _stuck(self, command: float) -> Breach:
         if command > 0.0:

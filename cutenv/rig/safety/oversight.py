@@ -36,7 +36,10 @@ class Oversight(Protocol):
 
     @property
     def report(self) -> StopReport | None:
-        """Report of the last stop; None before the first. It is completed when the blade is at rest."""
+        """Report of the last stop; None before the first.
+
+        It is completed when the blade is at rest.
+        """
         ...
 
     def drive(self, speed: float, angle: float, hold: float, **across: float) -> float:

@@ -9,8 +9,6 @@ descriptions of objects are used here. One unit of the scene is 10 cm, which sui
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import itertools
 import json
 import math
@@ -21,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
-from cutenv._base.document import render
+from cutenv._base.document import as_base64, render, script_digest
 from cutenv._base.output import atomic_write
 from cutenv._base.validation import one_of
 from cutenv.display.viewer import palette
@@ -365,16 +363,6 @@ def meshcat_viewer() -> tuple[str, str]:
         raise RuntimeError("this version of meshcat has a viewer that cannot stand in a page; install meshcat 0.3.2.")
     texts = ("LICENSE", "dist/main.min.js.LICENSE.txt", "dist/main.min.js.THIRD_PARTY_LICENSES.json")
     return viewer, "\n\n".join((folder / name).read_text(encoding="utf-8") for name in texts)
-
-
-def as_base64(data: bytes) -> str:
-    """Return bytes as text for a page."""
-    return base64.b64encode(data).decode("ascii")
-
-
-def script_digest(code: str) -> str:
-    """Return the digest by which a page's policy admits scripts."""
-    return as_base64(hashlib.sha256(code.encode()).digest())
 
 
 def _write(path: Path, document: str) -> int:

@@ -273,7 +273,10 @@ def _marks(method: Method, curves: Sequence[NormalCurve], sign: float, spread: f
 
 
 def _errors(values: Array, curve: NormalCurve, mark: float, sign: float, wrong: float) -> ErrorRate:
-    """Return a group's error rate at a mark. ``wrong`` is 1 if the group errs by passing, -1 if by failing."""
+    """Return a group's error rate at a mark.
+
+    ``wrong`` is 1 if the group errs by passing, -1 if by failing.
+    """
     passed = passes(values, mark, "higher" if sign > 0.0 else "lower")
     observed = int(passed.sum()) if wrong > 0.0 else len(values) - int(passed.sum())
     shares = np.asarray(norm.sf(wrong * sign * (mark - curve.mean) / curve.sd))
@@ -632,7 +635,10 @@ def other_group(groups: Sequence[str], passing: str | None, failing: str | None)
 
 
 def as_shown(metric: str, values: Array, mark: float) -> tuple[Array, float]:
-    """Return values and mark as shown to people, rounded. Scores are whole, and their mark has one decimal."""
+    """Return values and mark as shown to people, rounded.
+
+    Scores are whole, and their mark has one decimal.
+    """
     if metric != OVERALL:
         return values, mark
     return np.array([whole_score(value) for value in values.tolist()], np.float64), round(mark, 1)

@@ -236,7 +236,10 @@ Handler = Callable[[bytes, float], None]
 
 
 class Member(Protocol):
-    """Member of a network. One axis, which is informed when the network breaks."""
+    """Member of a network.
+
+    One axis, which is informed when the network breaks.
+    """
 
     name: str  # name of the axis
     latch: Latch  # latch of the rig, which knows when it was last judged, and which heartbeats are withheld

@@ -1,1 +1,4 @@
-"""Devices on a serial line. The board of ``assets/firmware``, with a load cell and a stepper."""
+"""Devices on a serial line.
+
+The board of ``assets/firmware``, with a load cell and a stepper.
+"""

@@ -44,7 +44,10 @@ class LineError(ValueError):
 
 
 class MotionReport(NamedTuple):
-    """Report of the motion. Number, state, flags, position [steps], rate [steps/s], lines that it did not take."""
+    """Report of the motion.
+
+    Number, state, flags, position [steps], rate [steps/s], lines that it did not take.
+    """
 
     sequence: int
     state: BoardState
@@ -55,7 +58,10 @@ class MotionReport(NamedTuple):
 
 
 class ForceReport(NamedTuple):
-    """Reading of the load cell. Number, status (0: healthy, 1: at the end of the range), counts."""
+    """Reading of the load cell.
+
+    Number, status (0: healthy, 1: at the end of the range), counts.
+    """
 
     sequence: int
     status: int
@@ -71,7 +77,10 @@ class BoardIdentity(NamedTuple):
 
 
 class StepperSetup(NamedTuple):
-    """Set-up of the stepper. Acceleration, that of a quick stop [steps/s2], top rate [steps/s], ends [steps]."""
+    """Set-up of the stepper.
+
+    Acceleration, that of a quick stop [steps/s2], top rate [steps/s], ends [steps].
+    """
 
     acceleration: int
     quick_stop: int

@@ -57,7 +57,10 @@ class StepperOptions:
 
 
 class StepRates:
-    """Conversion between metres and steps. ``steps`` are those for one turn of the screw."""
+    """Conversion between metres and steps.
+
+    ``steps`` are those for one turn of the screw.
+    """
 
     def __init__(self, axis: Axis, steps: int) -> None:
         self.per_metre = axis.direction * steps / axis.lead

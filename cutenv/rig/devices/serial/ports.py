@@ -1,4 +1,7 @@
-"""Serial ports of this computer. Opened for one program alone, and listed where one is missing."""
+"""Serial ports of this computer.
+
+Opened for one program alone, and listed where one is missing.
+"""
 
 from __future__ import annotations
 
