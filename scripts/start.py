@@ -127,6 +127,14 @@ def state_of(venv: Path, wanted: str, extra: str) -> str:
     return "ready" if found == wanted and installed in (extra, "dev") else "stale"
 
 
+def is_ready(venv: Path, extra: str) -> bool:
+    """Return whether ``venv`` is there and has an extra as this checkout asks for it."""
+    if not (venv / "cutenv-setup.txt").is_file():
+        return False
+    wanted = fingerprint(ROOT, sys.version, CONSTRAINTS.get(extra, "constraints.txt"))
+    return state_of(venv, wanted, extra) == "ready"
+
+
 def cure_for(errors: str) -> str:
     """Turn what pip complained of into what the reader can do."""
     if re.search(r"No space left|Errno 28|not enough space", errors):
@@ -248,14 +256,16 @@ def main(argv: list[str]) -> int:
     if options.instead and (options.command != "test" or len(options.instead) > 1):
         parser.error("--fast or --long is for the command 'test'")
     venv = ROOT / ".venv"
-    if {"-h", "--help"} & set(passed_on) and not (venv / "cutenv-setup.txt").exists():
+    explained = bool({"-h", "--help"} & set(passed_on))
+    if explained and not is_ready(venv, EXTRAS[options.command]):
         print(f"{__doc__}\nThe options of '{options.command}' itself: the same line again, after 'setup'.")
         return 0
     try:
         supported = supported_pythons((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
         check_python(PYTHON, sys.implementation.name, supported)
-        set_up(venv, EXTRAS[options.command], options.torch_index, options.accept_cuda)
-        if options.command == "test":
+        if not explained:
+            set_up(venv, EXTRAS[options.command], options.torch_index, options.accept_cuda)
+        if options.command == "test" and not explained:
             set_up(ROOT / ".venv-ray", RAY, options.torch_index, options.accept_cuda)
     except Refusal as refusal:
         print(f"\ncutenv: {refusal}", file=sys.stderr)

@@ -195,6 +195,11 @@ def test_help_is_given_before_anything_is_installed(
     assert start.main(["train", "--help"]) == 0
     assert "after 'setup'" in capsys.readouterr().out
     (tmp_path / "pyproject.toml").write_text((ROOT / "pyproject.toml").read_text())
+    (tmp_path / "constraints.txt").touch()
+    (tmp_path / ".venv").mkdir()
+    (tmp_path / ".venv" / "cutenv-setup.txt").write_text(f"{'0' * 64} dev")  # of an earlier checkout
+    assert start.main(["test", "--help"]) == 0
+    assert "after 'setup'" in capsys.readouterr().out
     with pytest.raises(pytest.fail.Exception, match="began to install"):
         start.main(["train", "--quick"])
 
