@@ -105,7 +105,7 @@ class _Bota:
         return {"filter_length": length}
 
     def end(self, line: SensorLine) -> None:
-        """Let it stream: its stream harms nobody."""
+        """Do nothing: the sensor may keep streaming."""
 
     def meaning(self, status: int) -> str:
         told = [text for bit, text in _MEANINGS.items() if status & bit]

@@ -319,14 +319,14 @@ def _moves(trial: _Trial) -> None:
     trial.findings.append(time_within("motion begins", began, _BEGINS))
     late = [each for each in samples if each.time > begun + 0.6]
     mean = float(np.mean([each.speed for each in late])) if late else 0.0
-    trial.speeds("it moves as fast as told, and that way", trial.way * speed, mean)
+    trial.speeds("speed and direction match the command", trial.way * speed, mean)
     if len(late) > 1:
         by_position = (late[-1].position - late[0].position) / max(late[-1].time - late[0].time, 1e-9)
-        trial.speeds("and so it is by its position", trial.way * speed, by_position)
+        trial.speeds("speed from position matches the command", trial.way * speed, by_position)
     bad = [driver_refuses(driver, value) for value in (math.nan, math.inf, 10.0 * axis.speed)]
     trial.found("a speed that is none, or too high, is refused", "3 errors", f"{bad.count(True)} errors", all(bad))
     after = trial.settled()[-1].speed
-    trial.speeds("and changes nothing", trial.way * speed, after)
+    trial.speeds("a refused speed changes nothing", trial.way * speed, after)
     driver.command(-trial.way * speed)
     trial.wait(1.5)
     driver.command(0.0)
@@ -354,7 +354,9 @@ def _stops(trial: _Trial) -> None:
     allowed = trial.speed / axis.quick_stop + 3 * sync + 0.05
     trial.findings.append(time_within("a quick stop brings it to rest", trial.until_rest(1.0), allowed))
     way, most = abs(trial.newest.position - start), trial.speed * (allowed + sync)
-    trial.found("and on a short way", f"{1e3 * most:.2f} {trial.unit}", f"{1e3 * way:.2f} {trial.unit}", way <= most)
+    trial.found(
+        "a quick stop takes a short way", f"{1e3 * most:.2f} {trial.unit}", f"{1e3 * way:.2f} {trial.unit}", way <= most
+    )
     trial.found(
         "a quick stop closes the latch", "closed", "closed" if driver.latch.closed else "open", driver.latch.closed
     )
@@ -395,7 +397,7 @@ def _watches(trial: _Trial) -> None:
     driver.withhold_heartbeat("its own watch is tried")
     allowed = _OWN_WATCH + trial.speed / trial.axis.quick_stop
     trial.findings.append(time_within("a drive that hears nothing stops by itself", trial.until_rest(2.0), allowed))
-    trial.stays("and stays at rest", 0.5)
+    trial.stays("the drive stays at rest after its own stop", 0.5)
     trial.clear()
 
 

@@ -240,7 +240,7 @@ class EmulatedGrbl:
     Run it in a thread of its own. ``rate``, ``acceleration``: settings $110 [mm/min] and $120 [mm/s2]. ``position``,
     ``speed``: machine position [mm], and speed [mm/s]; ``deaf_to_cancel``, ``blocked``: faults: jog cancel is not
     obeyed; the carriage stands though the motor gets pulses; ``state``: state as in its reports; ``cancels``,
-    ``runs_out``: jog cancels that came, and times at which it came to the end of its jogs by itself.
+    ``runs_out``: jog cancels received, and times [s] at which the queue of jogs ran empty.
     """
 
     def __init__(self, *, rate: float = 360.0, acceleration: float = 100.0) -> None:

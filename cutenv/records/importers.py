@@ -49,7 +49,7 @@ class Imported:
     traces : tuple of Trace
         Cuts of all records, tared; a record without a cut is one trace. ``metadata`` has the file, its lines, the tare
         and the mapping.
-    flaws : tuple of tuple of Flaw
+    flaws : tuple of tuple of QualityIssue
         Flaws of each of `traces`; rows are instants of that trace, the message names the lines.
     notes : tuple of str
         Assumptions and corrections, in words, to be shown to the reader.

@@ -100,7 +100,7 @@ def test_the_driver_of_the_example_keeps_every_promise() -> None:
         (Deaf, "a drive that hears nothing stops by itself"),
         (Careless, "a stopped axis takes no command"),
         (Careless, "a speed that is none, or too high, is refused"),
-        (Reversed, "and so it is by its position"),
+        (Reversed, "speed from position matches the command"),
         (Noisy, "after close nothing is reported"),
         (Forgetful, "limits are read back from the drive"),
         (Late, "samples come every bus.sync"),

@@ -184,9 +184,9 @@ class Finding:
         Means over the specimens that have it.
     noise : float
         Root mean square difference between two simulated cuts of a specimen, caused by sensor noise alone.
-    shift : Shift
+    shift : EffectEstimate
         Rig minus simulator.
-    mean : Shift
+    mean : EffectEstimate
         Mean difference, with its t interval.
     p_differ : float
         P value of the hypothesis that the shift is within its margin, adjusted for the number of measures.

@@ -182,7 +182,7 @@ class VirtualCoupling:
         return float(np.abs(np.linalg.eigvals(step)).max())
 
     def felt(self) -> FeltForce:
-        """Return the coupling's force at work, starting at rest."""
+        """Return a new filter of the force for one session, at rest."""
         return FeltForce(self)
 
 

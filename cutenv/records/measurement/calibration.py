@@ -240,7 +240,7 @@ def measure_cuts(
     Returns
     -------
     cuts : list of MeasuredCut
-    refused : list of Refused
+    refused : list of RefusedRecord
         Records that cannot be measured.
 
     Raises

@@ -66,7 +66,7 @@ def recorded_rows(plant: RigPlant, readings: StructArray) -> tuple[list[Reading]
 class SpecimenKey:
     """Key of a drawn specimen.
 
-    Hardware cuts whatever is laid, and stores the key as a label.
+    A real rig only records the key: it cuts the tissue on its bench.
     """
 
     seed: int

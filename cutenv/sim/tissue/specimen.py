@@ -329,7 +329,7 @@ _FIRST = np.int64(0)  # not a literal, for which Numba would compile the functio
 class SurfaceSpread:
     """Spread of the surface between slices.
 
-    Without it every slice has the same surface, and who learns that by heart needs no measurement of it.
+    Without it every slice has the same surface, and a policy could memorise it and ignore the measurement.
     """
 
     surface_spread: float = parameter(

@@ -212,7 +212,7 @@ TOLD: dict[str, dict[str, bool]] = {  # knowledge that each rung along a line is
     "the true tip for the stop alone": {"stop": True},
     "all four": {"tip": True, "aside": True, "crack": True, "stop": True},
     "the planner's rule of steering, with truth": {"aside": True, "rule": True},
-    "that, but for the distance to the line": {"rule": True},
+    "the planner's rule of steering, distance to the line estimated": {"rule": True},
     "the planner's rule, with the true tip for the stop": {"aside": True, "rule": True, "stop": True},
 }
 

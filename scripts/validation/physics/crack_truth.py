@@ -311,7 +311,7 @@ def check_fracture(_: Sequence[Specimen]) -> Iterator[Row]:
     far.advance(slid.tip + step * way)
     far.advance(slid.tip + 2.0 * step * way)
     by_force = 0.5 * (sheared(far) - sheared(slid)) / (2.0 * step)
-    what = "the same for a slanted cut whose faces slide, pulled aside at the far end"
+    what = "energy release of a slanted cut whose faces slide, pulled aside at the far end, over the derivative"
     yield _close(what, by_force / by_derivative, 1.0, 0.05)
 
     kinked = {}

@@ -304,8 +304,9 @@ def report(rows: Sequence[Mapping[str, Any]]) -> str:
         "class", "success not above failure", "score agrees with the return", "at most", "rank correlation",
         "without a score",
     )  # fmt: skip
+    which = "each class" if len(kinds) > 1 else f"class {kinds[0]}"
     return (
-        f"{specimens} held-out specimens of each class.\n\n{markdown_table(head, table)}\n\n"
+        f"{specimens} held-out specimens of {which}.\n\n{markdown_table(head, table)}\n\n"
         f"Mean overall score:\n\n{markdown_table(('who cut', *kinds), scores)}"
     )
 

@@ -58,4 +58,4 @@ def test_the_planners_rule_keeps_the_cut_nearer_to_the_line_than_the_script_does
 
     told = mean("the planner's rule of steering, with truth")
     assert told < mean(START)
-    assert told < mean("that, but for the distance to the line")
+    assert told < mean("the planner's rule of steering, distance to the line estimated")
