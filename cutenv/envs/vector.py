@@ -154,11 +154,11 @@ class CutBatch:
             Actions, clipped to [-1, 1]; ValueError for another shape, and for NaN.
         waiting : array of bool, shape (count,), optional
             True for cuts that are not advanced.
-        infos : Records, shape (count,), optional
+        infos : StructArray, shape (count,), optional
             Array of :data:`cutenv.task.info.INFO` that is filled.
         meanwhile : callable, optional
             Called while other cores wake up.
-        readings : Records, shape (count, ticks), optional
+        readings : StructArray, shape (count, ticks), optional
             Array of :data:`~cutenv.sim.cutting.dtypes.READING` that is filled with every millisecond of the step, for
             each cut up to its end.
 

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import ast
+import builtins
 import functools
+import inspect
+import re
 from collections import defaultdict
 from dataclasses import fields
 from pathlib import Path
@@ -191,3 +194,37 @@ def test_functions_take_records_rather_than_many_numbers() -> None:
     wide = {place: count for place, count in counts.items() if count > 5}
     assert len(wide) <= WIDE, f"merge some arguments into a record: {sorted(wide)}"
     assert {place for (place, _), count in wide.items() if count > WIDEST} == ENVIRONMENTS
+
+
+SECTION = re.compile(r"^(Parameters|Returns|Yields|Attributes)\n-+\n(.*?)(?=^\w[\w ]*\n-+\n|\Z)", re.M | re.S)
+QUOTED = re.compile(r'"[^"]*"|`[^`]*`|\{[^}]*\}')
+
+
+def documented_types(docstring: str) -> set[str]:
+    """Class names in the types of a docstring's sections, by numpydoc."""
+    found: set[str] = set()
+    for title, entries in SECTION.findall(inspect.cleandoc(docstring)):
+        for line in entries.splitlines():
+            name, colon, kind = line.partition(" : ")
+            if line and not line.startswith(" ") and (colon or title in ("Returns", "Yields")):
+                found.update(re.findall(r"(?<![\w.])[A-Z]\w*[a-z]\w*", QUOTED.sub("", kind or name)))
+    return found
+
+
+def test_the_types_that_docstrings_name_exist():
+    known, named = set(dir(builtins)), []
+    for path in (ROOT / "cutenv").rglob("*.py"):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        known |= defined_names(path)
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Import | ast.ImportFrom):
+                known.update(alias.asname or alias.name for alias in node.names)
+        named += [
+            (path, line, kind) for line, text in measure_codebase.docstrings(tree) for kind in documented_types(text)
+        ]
+    assert len(named) > 100
+    assert [f"{path}:{line} {kind}" for path, line, kind in named if kind not in known] == []
+
+
+def test_a_type_that_does_not_exist_is_seen():
+    assert documented_types("Do.\n\nParameters\n----------\nx : Shift or None\n    A `Thing`.\n") == {"Shift", "None"}

@@ -63,7 +63,7 @@ class StopAndUnload:
     ----------
     tip, left : float, or array of shape (n,)
         The estimated tip and its distance to the target [m], at the last observation, or at those of n cuts.
-    estimates : Records, shape (n,)
+    estimates : StructArray, shape (n,)
         All that is estimated of the cuts, :data:`cutenv.agents.policy.tip_estimate.CUT_ESTIMATE`.
     across : array of shape (n,), or float
         Force across the cut at the last observation [N], given by scripts whose blade feels one.

@@ -99,7 +99,7 @@ class TipEstimate:
 
     Attributes
     ----------
-    memory : Records, shape (n,)
+    memory : StructArray, shape (n,)
         What is known of each cut, :data:`CUT_MEMORY`.
     """
 

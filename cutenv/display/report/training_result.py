@@ -123,7 +123,7 @@ class CutPicture:
         Name of the policy.
     caption : str
         Text below the picture: the specimen, and the end.
-    readings : Records
+    readings : StructArray
         The whole cut at 1 kHz, :data:`cutenv.sim.cutting.dtypes.READING`, shape (n,); hidden tip included.
     depth : array, shape (301,)
         Depth of cut along the line [m].

@@ -178,7 +178,7 @@ class CutViewer:
         ----------
         plant, cutting : SimulatedPlant, Episode
             The cut.
-        readings : Records, optional
+        readings : StructArray, optional
             Every reading since the last picture, shape (n,), whose force is drawn; default those of the last step.
 
         Returns

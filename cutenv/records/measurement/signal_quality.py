@@ -72,7 +72,7 @@ def quality_issues(trace: Trace) -> tuple[QualityIssue, ...]:
 
     Returns
     -------
-    tuple of Flaw
+    tuple of QualityIssue
         In order of time; empty for a good record.
 
     Notes

@@ -27,7 +27,7 @@ class ReplayPlant:
     ----------
     depth : ndarray of shape (301,)
         Depth of cut every 0.5 mm from the clamp [m], from the record; elsewhere, its nearest value.
-    readings : Records
+    readings : StructArray
         :data:`cutenv.sim.cutting.dtypes.READING`, shape (n,), time from 1 ms on; hidden fields are NaN.
 
     Raises

@@ -43,9 +43,9 @@ class SimulatedPlant:
 
     Attributes
     ----------
-    cuts : Records
+    cuts : StructArray
         The full state, :attr:`~cutenv.sim.cutting.motion.Motion.cut` of shape (1,).
-    shared : Records
+    shared : StructArray
         What all cuts of its motion and tissue share, shape (1,).
     """
 
