@@ -22,6 +22,7 @@ from cutenv.commands import cli
 from cutenv.emulation.emulated_bench import FAULTS
 from cutenv.records import UNITS, load, load_operators
 from cutenv.rig.config.settings import HeightAxis, SafetyLimits, SideAxis
+from cutenv.rig.devices.driver_registry import SHIPPED_DRIVERS, DriverKind
 from cutenv.rig.safety.stop_causes import STILL
 from cutenv.task.reward import RewardWeights
 from scripts.documentation import api_pages
@@ -228,3 +229,17 @@ def test_the_limits_that_are_listed_are_the_defaults():
 def test_every_fault_of_the_emulator_is_listed():
     page = (DOCS / "rig" / "emulator.md").read_text(encoding="utf-8")
     assert set(re.findall(r"`(\w+)`", re.search(r"\| fault \|.*?\n\n", page, re.DOTALL)[0])) == set(FAULTS)
+
+
+def test_every_driver_that_is_shipped_is_on_the_page_of_drivers():
+    names = [name for of_kind in DriverKind for name in SHIPPED_DRIVERS[of_kind]]
+    assert len(names) > 5
+    page = (ROOT / "docs/development/driver.md").read_text(encoding="utf-8")
+    assert [name for name in names if f'`"{name}"`' not in page] == []
+
+
+def test_every_folder_of_tests_is_in_the_table_of_folders():
+    folders = {path.relative_to(ROOT / "tests").parts[0] for path in (ROOT / "tests").glob("*/**/test_*.py")}
+    page = (ROOT / "docs/development/testing.md").read_text(encoding="utf-8")
+    table = page.partition("## Rules")[0]
+    assert set(re.findall(r"^\| `tests/(\w+)` \|", table, re.MULTILINE)) == folders
