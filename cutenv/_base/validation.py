@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 T = TypeVar("T")
 
-_MANY = 16  # number of choices beyond which the nearest is named, and not all are listed
+_MAX_LISTED = 16  # number of choices beyond which the nearest is named, and not all are listed
 
 
 def in_range(name: str, value: float, low: float, high: float, unit: str, cure: str = "") -> float:
@@ -58,7 +58,7 @@ def one_of(name: str, value: T, choices: Iterable[T]) -> T:
     known = list(choices)
     if value not in known:
         hint, listed = nearest_choices(value, known), ", ".join(repr(choice) for choice in known)
-        if hint and len(known) > _MANY:
+        if hint and len(known) > _MAX_LISTED:
             raise ValueError(f"{name} {value!r} is not known.{hint}")
         raise ValueError(f"{name} must be one of {listed}, got {value!r}.{hint}")
     return value
@@ -75,7 +75,7 @@ def unexpected_keyword(of: str, keyword: str, known: Iterable[str] = (), cure: s
     """
     names = list(known)
     listed = f" It takes {', '.join(names)}." if names else ""
-    if len(names) > _MANY:
+    if len(names) > _MAX_LISTED:
         listed = f" help({of}) lists what it takes."
     hint = nearest_choices(keyword, names)
     said = f"{of}.__init__() got an unexpected keyword argument {keyword!r}.{hint}{listed} {cure}"

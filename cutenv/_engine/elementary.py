@@ -32,9 +32,9 @@ _ROUNDING = 1.5 * 2.0**52  # added to a number below 2^51, it rounds it to an in
 _ROUNDING_BITS = 0x4338000000000000
 _ONE_BITS = 0x3FF0000000000000
 _ROOT_HALF_BITS = 0x3FE6A09E667F3BCD  # of sqrt(1/2)
-_LOWEST, _HIGHEST = -746.0, 710.0  # beyond these the exponential is 0 and infinite
+_MIN_EXPONENT, _MAX_EXPONENT = -746.0, 710.0  # beyond these the exponential is 0 and infinite
 _SUBNORMAL = 2.0**-1022
-_LARGEST = float.fromhex("0x1.fffffffffffffp+1023")
+_MAX_FLOAT = float.fromhex("0x1.fffffffffffffp+1023")
 _E2, _E3, _E4, _E5, _E6, _E7, _E8, _E9, _E10, _E11, _E12, _E13 = (1.0 / math.factorial(n) for n in range(2, 14))
 _L3, _L5, _L7, _L9, _L11, _L13, _L15, _L17, _L19, _L21 = (2.0 / n for n in range(3, 22, 2))
 
@@ -59,8 +59,8 @@ def _reduced(x: float) -> tuple[float, int]:
 @njit_inline
 def exp(x: float) -> float:
     """Compute exp(x) within 1 ulp; infinite above 709.78, 0 below -745.13."""
-    within = x if x < _HIGHEST else _HIGHEST
-    within = within if within > _LOWEST else _LOWEST
+    within = x if x < _MAX_EXPONENT else _MAX_EXPONENT
+    within = within if within > _MIN_EXPONENT else _MIN_EXPONENT
     excess, n = _reduced(within)
     half = n >> 1  # two factors, because 2^1024 and 2^-1075 are not floats themselves
     value = (1.0 + excess) * float_of(_ONE_BITS + (half << 52)) * float_of(_ONE_BITS + ((n - half) << 52))
@@ -88,7 +88,7 @@ def log(x: float) -> float:
     series = z * (_L3 + z * (_L5 + z * (_L7 + z * (_L9 + z * (_L11 + z * further)))))
     half = 0.5 * f * f
     value = n * _LN2_HIGH - ((half - (s * (half + series) + n * _LN2_LOW)) - f)
-    value = value if x <= _LARGEST else x  # infinity, or NaN
+    value = value if x <= _MAX_FLOAT else x  # infinity, or NaN
     value = value if x != 0.0 else -math.inf
     return math.nan if x < 0.0 else value
 

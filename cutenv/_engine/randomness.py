@@ -103,7 +103,9 @@ _LAYERS = 256
 _R = 3.6541528853610088  # where the tail begins, such that the topmost layer closes at x = 0
 _AREA = 0.004928673233974655  # of every layer: R exp(-R^2/2) and the tail, sqrt(pi/2) erfc(R/sqrt(2))
 WIDTHS, _HEIGHTS = _ziggurat()
-_AGAIN = np.uint64(1 << 16)  # added to a stream: further words for the few numbers that one word does not decide
+_FURTHER_WORDS = np.uint64(
+    1 << 16
+)  # added to a stream: further words for the few numbers that one word does not decide
 
 
 @njit_internal
@@ -139,7 +141,7 @@ def normal_at_the_rim(
     """Return the magnitude in a layer's rim by rejection sampling."""
     attempt = 0
     while True:
-        w0, w1, w2, w3 = words_at(seed, episode, stream + _AGAIN, 64 * counter + attempt)
+        w0, w1, w2, w3 = words_at(seed, episode, stream + _FURTHER_WORDS, 64 * counter + attempt)
         u = (float((w0 << np.uint64(21)) | (w1 >> np.uint64(11))) + 1.0) * 2.0**-53
         if layer == 0:  # the tail, from R on
             begins, x, height = _R, -log(u) / _R, (float(w2) + 1.0) * 2.0**-32

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from cutenv.records.scoring.study.sequential import SequentialQuestion
 
 _SCALE = 100.0  # largest overall score
-_SMALLEST = 5.0  # smallest difference of scores that matters, by default
+_NOTABLE_DIFFERENCE = 5.0  # smallest difference of scores that matters, by default
 
 
 @options.reports_errors("study", ImportError)
@@ -41,7 +41,7 @@ def main(argv: Sequence[str]) -> int:
         in_range("--mark", arguments.mark, 0.0, 100.0, "1", "Give an overall score, such as 60.")
     if arguments.sheets is not None:
         options.made_folder("--sheets", arguments.sheets)
-    question = options.question_given(arguments, smallest=_SMALLEST, reach=_SCALE)
+    question = options.question_given(arguments, smallest=_NOTABLE_DIFFERENCE, reach=_SCALE)
     rows = None if arguments.operators is None else load_operators(arguments.operators)
     name = study_name(arguments)
     cuts, refused, left = studied_cuts(arguments, rows)
@@ -158,5 +158,5 @@ def _parser() -> argparse.ArgumentParser:
         "target value of the learning curves itself, in the unit in which the one --metric is shown: mm, N, s",
         float,
     )
-    options.add_question(parser, unit="cut or person", smallest=f"{_SMALLEST:g} points", most=10_000)
+    options.add_question(parser, unit="cut or person", smallest=f"{_NOTABLE_DIFFERENCE:g} points", most=10_000)
     return parser

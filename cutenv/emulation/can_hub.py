@@ -18,9 +18,9 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple
 
-_LONGEST = 200  # characters of a message
+_MAX_CHARACTERS = 200  # characters of a message
 _UNSENT = 1 << 18  # bytes that may wait for a slow client, some seconds of a full bus
-_MOST = 16  # clients
+_MAX_CLIENTS = 16  # clients
 _SETTLING = 0.02  # [s] between rawmode and the first frame: the client reads its last "< ok >" alone
 _OPEN = re.compile(r"open [\w.:-]{1,32}\Z")
 _IDENTIFIER = re.compile(r"(?:[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})\Z")
@@ -136,7 +136,7 @@ class Hub:
             connection, _ = self._listener.accept()
         except OSError:
             return  # the client has gone again
-        if len(self._clients) >= _MOST:
+        if len(self._clients) >= _MAX_CLIENTS:
             connection.close()
             return
         connection.setblocking(False)
@@ -183,7 +183,7 @@ class Hub:
             while (end := client.received.find(">")) >= 0:
                 message, client.received = client.received[: end + 1].strip(), client.received[end + 1 :]
                 self._obey(client, message)
-            if len(client.received) > _LONGEST:
+            if len(client.received) > _MAX_CHARACTERS:
                 raise BadMessage("no end of a message")
         except BlockingIOError:
             return

@@ -59,7 +59,7 @@ The thesis's rig turned its blade by 90 degrees either way from upright, which i
 3.81 cm/s. Its cuts, and so the law, are of 45 to 90 degrees and up to 2.54 cm/s.
 """
 _SLACK = math.radians(1.0)  # of the hinge and its play
-_FASTEST = 0.0265  # [m/s]: 2.54 cm/s, and 4 % for the loop
+_MAX_SPEED = 0.0265  # [m/s]: 2.54 cm/s, and 4 % for the loop
 _OTHER_NOISE = (0.02, 0.02, 0.001, 0.001, 0.001)  # Fy, Fz [N], Tx, Ty, Tz [N m]: enough to make the counts flicker
 
 
@@ -240,7 +240,7 @@ class EmulatedRig(EmulatedBench):
     def _flag(self, due: float, speed: float) -> None:
         """Record that the blade leaves the measured range; the nearest values hold."""
         low, high = ANGLE_RANGE
-        measured = low - _SLACK <= self.angle <= high + _SLACK and speed <= _FASTEST
+        measured = low - _SLACK <= self.angle <= high + _SLACK and speed <= _MAX_SPEED
         if measured is self._measured:
             return
         self._measured = measured

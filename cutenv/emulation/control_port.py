@@ -23,9 +23,9 @@ from cutenv.sim.tissue.layers import Layers
 from cutenv.sim.tissue.lines import CutLine
 from cutenv.sim.tissue.specimen import Specimen
 
-_LONGEST = 1 << 16  # bytes of a request
+_MAX_REQUEST_BYTES = 1 << 16  # bytes of a request
 _PATIENCE = 30.0  # [s] for a silent client
-_MOST = 16  # clients
+_MAX_CLIENTS = 16  # clients
 
 Request = dict[str, Any]
 
@@ -146,7 +146,7 @@ class _Conversation(socketserver.StreamRequestHandler):
     def handle(self) -> None:
         with self.server.places:
             try:
-                while line := self.rfile.readline(_LONGEST):
+                while line := self.rfile.readline(_MAX_REQUEST_BYTES):
                     answer = answered(self.server.rig, json.loads(line))
                     self.wfile.write(json.dumps(answer).encode() + b"\n")
             except (ValueError, RecursionError):  # not JSON: the client speaks another protocol
@@ -166,7 +166,7 @@ class ControlServer(socketserver.ThreadingTCPServer):
 
     def __init__(self, rig: EmulatedBench, *, host: str = "127.0.0.1", port: int = 0) -> None:
         self.rig = rig
-        self.places = threading.BoundedSemaphore(_MOST)
+        self.places = threading.BoundedSemaphore(_MAX_CLIENTS)
         super().__init__((host, port), _Conversation)
         self.port: int = self.server_address[1]
         self._thread = threading.Thread(

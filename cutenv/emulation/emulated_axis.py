@@ -30,7 +30,7 @@ from cutenv.rig.devices.canopen import objects as o
 from cutenv.rig.devices.canopen.objects import WHOLE_RPM, Entry
 from cutenv.rig.devices.protocols import DriveState
 
-_FASTEST = 2**32 - 1
+_MAX_SPEED = 2**32 - 1
 
 
 class Abort(IntEnum):
@@ -195,8 +195,8 @@ def _others(node: int) -> Iterator[Entry]:
     yield Entry(0x6098, 0, "b", "homing method", default=37, choices=(35, 37))
     yield Entry(0x60C2, 1, "B", "interpolation time", default=1)
     yield Entry(0x60C2, 2, "b", "interpolation time, power of ten", default=-3, low=-6, high=0)
-    yield Entry(0x60C5, 0, "I", "greatest acceleration [rpm/s]", default=_FASTEST, low=1)
-    yield Entry(0x60C6, 0, "I", "greatest deceleration [rpm/s]", default=_FASTEST, low=1)
+    yield Entry(0x60C5, 0, "I", "greatest acceleration [rpm/s]", default=_MAX_SPEED, low=1)
+    yield Entry(0x60C6, 0, "I", "greatest deceleration [rpm/s]", default=_MAX_SPEED, low=1)
     yield Entry(0x60F4, 0, "i", "following error [increments]", "ro", mappable="T")
     yield Entry(0x60FD, 0, "I", "digital inputs", "ro", mappable="T")
     yield Entry(0x6502, 0, "I", "supported modes", "ro", 0x124)

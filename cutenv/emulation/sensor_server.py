@@ -40,7 +40,7 @@ Loads: TypeAlias = tuple[float, float, float, float, float, float]
 _POLL = 0.1  # [s] after which the thread checks whether it has to end
 _CLIENTS = 8  # at most; the oldest is dropped
 _HELD = 0.25  # share of the records that the next one overtakes, during reordering
-_LARGEST = 2**31 - 1
+_MAX_COUNT = 2**31 - 1
 _FORCE_RANGE, _TORQUE_RANGE = 200.0, 10.0  # [N], [N m]: beyond, readings are clipped and the status reports it
 
 _PAGE = """<?xml version="1.0" encoding="UTF-8"?>
@@ -84,8 +84,8 @@ class SensorPage:
 
     def __post_init__(self) -> None:
         cure = "Choose fewer counts: a count has 32 bits."
-        in_range("counts_per_newton", self.counts_per_newton, 1, _LARGEST / _FORCE_RANGE, "1/N", cure)
-        most = _LARGEST / _TORQUE_RANGE
+        in_range("counts_per_newton", self.counts_per_newton, 1, _MAX_COUNT / _FORCE_RANGE, "1/N", cure)
+        most = _MAX_COUNT / _TORQUE_RANGE
         in_range("counts_per_newton_metre", self.counts_per_newton_metre, 1, most, "1/(N m)", cure)
 
 
@@ -212,7 +212,7 @@ class SensorServer:
             status |= SensorStatus.ERROR | SensorStatus.OUT_OF_RANGE | SensorStatus.GAGE_OUT_OF_RANGE
         if not faults.frozen:
             self._loaded = _six(loaded)
-            shown = [max(-_LARGEST, min(c - b, _LARGEST)) for c, b in zip(loaded, self._bias, strict=True)]
+            shown = [max(-_MAX_COUNT, min(c - b, _MAX_COUNT)) for c, b in zip(loaded, self._bias, strict=True)]
             if faults.frozen_axis >= 0:
                 shown[faults.frozen_axis] = self._shown[faults.frozen_axis]
             self._shown = _six(shown)

@@ -11,7 +11,7 @@ from cutenv.sim.tissue.grid import LENGTH, SPACING
 from cutenv.sim.tissue.lines import CutLine
 from cutenv.sim.tissue.specimen import Specimen
 
-_LEAST = 1e-7  # [m] in a millisecond, below which a blade keeps its direction
+_MIN_MOTION = 1e-7  # [m] in a millisecond, below which a blade keeps its direction
 _TRAIL = 0.002  # [m] for each radian by which the blade turns, at least
 
 
@@ -41,7 +41,7 @@ class TissueInPlane:
         at_x, at_y = self.plant.blade
         east, north = within(x) - at_x, y - at_y
         along = float(east * steering.ahead + north * steering.across)
-        if (way := math.hypot(east, north)) > _LEAST:
+        if (way := math.hypot(east, north)) > _MIN_MOTION:
             along = math.copysign(way, along)
             ahead, across, to_x, to_y = steering.ahead, steering.across, east / along, north / along
             wanted = math.atan2(ahead * to_y - across * to_x, ahead * to_x + across * to_y)

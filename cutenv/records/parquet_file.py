@@ -26,7 +26,7 @@ from cutenv.records.table import CUT_COLUMN, CutTable, parsed_headers, row_from_
 from cutenv.sim.trace import Trace
 
 _SCHEMA_KEY, _FACTS_KEY = b"cutenv_schema", b"cutenv_cuts"
-_LONGEST = 1 << 26  # bytes of names and metadata, so that a damaged length does not request all memory
+_MAX_METADATA_BYTES = 1 << 26  # bytes of names and metadata, so that a damaged length does not request all memory
 
 
 def write(traces: Sequence[Trace], path: Path) -> None:
@@ -46,7 +46,7 @@ def write(traces: Sequence[Trace], path: Path) -> None:
 def read(path: Path) -> list[CutTable]:
     """Read a file as one table; a ValueError names the column at fault."""
     arrow, parquet = _libraries()
-    limits = dict.fromkeys(("thrift_string_size_limit", "thrift_container_size_limit"), _LONGEST)
+    limits = dict.fromkeys(("thrift_string_size_limit", "thrift_container_size_limit"), _MAX_METADATA_BYTES)
     with (
         refusing_damage(path, "Parquet file"),
         parquet.ParquetFile(path, page_checksum_verification=True, **limits) as file,

@@ -20,7 +20,7 @@ from cutenv._base.validation import in_range, one_of
 from cutenv.records.schema import RecordError, to_json
 
 _TEXTS = ("rig", "sensor", "blade", "specimen")
-_LONGEST = 500  # characters
+_MAX_CHARACTERS = 500  # characters
 _ROLES = "operator|participant|subject|surgeon|student|trainee|resident|novice|expert|person|user"
 # A few letters and a number, a role and a number, or the beginning of a hash: too short for a name.
 _CODE = re.compile(
@@ -172,8 +172,8 @@ def _check_text(name: str, value: object) -> None:
         return
     if not isinstance(value, str):
         raise TypeError(f"{name} must be text, got {value!r}.")
-    if not value.strip() or len(value) > _LONGEST:
-        raise ValueError(f"{name} must be a text of 1 to {_LONGEST} characters; leave out what is not known.")
+    if not value.strip() or len(value) > _MAX_CHARACTERS:
+        raise ValueError(f"{name} must be a text of 1 to {_MAX_CHARACTERS} characters; leave out what is not known.")
 
 
 def _check_date(value: object) -> None:

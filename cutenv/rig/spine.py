@@ -21,7 +21,7 @@ from cutenv.rig.devices.loop import Attempt, Clock, Repeating
 from cutenv.rig.devices.protocols import ForceDriver, ForceSample, MotionDriver, MotionSample, Observer, ZeroedByHand
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.monitors import ForceReadings
-from cutenv.rig.safety.stop_causes import AGAIN, WATCH, Cause
+from cutenv.rig.safety.stop_causes import STOP_PERIOD, WATCH, Cause
 from cutenv.rig.safety.supervisor import Supervisor
 
 _SAME_RATE = 0.02  # relative difference allowed between the sensor's rate and the file's
@@ -88,7 +88,7 @@ class Spine:
         self.clock.failed = self._failed
         self.timers = [
             self.clock.every(WATCH, self.supervisor.watch, "rig watchdog"),
-            self.clock.every(AGAIN, self.supervisor.resend_stop, "rig quick stops"),
+            self.clock.every(STOP_PERIOD, self.supervisor.resend_stop, "rig quick stops"),
             self.clock.every(WATCH, self._watch_parent, "rig parent watch"),
         ]
 

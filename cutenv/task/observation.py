@@ -22,7 +22,7 @@ DEAD_ZONE = 0.1
 """Size of a speed action up to which the blade is to rest, so that noise about 0 does not move it."""
 ANGLE_CENTRE, ANGLE_SCALE = math.radians(67.5), math.radians(22.5)
 """Angle of action 0, and the half range to 45 and 90 degrees [rad]."""
-_FASTEST = 0.5  # [m/s], above which a speed looks like cm/s
+_MAX_PLAUSIBLE_SPEED = 0.5  # [m/s], above which a speed looks like cm/s
 CLIP = 10.0
 """Bound to which observations are clipped in either direction."""
 
@@ -178,8 +178,15 @@ def checked_observation(observation: ArrayLike) -> NDArray[np.floating[Any]]:
 
 def to_action(speed: float, angle: float) -> NDArray[np.float32]:
     """Return a clipped action, (2,), for speed [m/s] and angle [rad]."""
-    if not (abs(speed) <= _FASTEST and 0.0 <= angle <= math.pi):
-        in_range("speed", speed, -_FASTEST, _FASTEST, "m/s", "Speeds are in m/s: 2.54 cm/s is 0.0254.")
+    if not (abs(speed) <= _MAX_PLAUSIBLE_SPEED and 0.0 <= angle <= math.pi):
+        in_range(
+            "speed",
+            speed,
+            -_MAX_PLAUSIBLE_SPEED,
+            _MAX_PLAUSIBLE_SPEED,
+            "m/s",
+            "Speeds are in m/s: 2.54 cm/s is 0.0254.",
+        )
         in_range("angle", angle, 0.0, math.pi, "rad", "Angles are in radians: 90 degrees is 1.5708.")
     action = np.array([speed_action(speed), (angle - ANGLE_CENTRE) / ANGLE_SCALE], dtype=np.float32)
     return np.clip(action, -1.0, 1.0)

@@ -162,11 +162,11 @@ def _heap(p: Array, window: _Window, sigma: float) -> tuple[Array, Array]:
 
 
 _GROUP = 8  # beads that look for a shift together: one image of a bead is like another, a group of them is not
-_FARTHEST = 5.0  # diameters: largest shift that is looked for
-_LEAST = 1.0  # px: less is for each bead's own fit
+_MAX_SHIFT = 5.0  # diameters: largest shift that is looked for
+_MIN_SHIFT = 1.0  # px: less is for each bead's own fit
 _BETTER = 0.1  # of the usual answer of a bead: by how much a shift must be better than none, for each of the group
-_SMALLEST = 5  # beads of a group: fewer may all be taken for others
-_ALIKE = 0.8  # diameters: by how much shifts of neighbouring groups may differ
+_MIN_GROUP = 5  # beads of a group: fewer may all be taken for others
+_MAX_SHIFT_DIFFERENCE = 0.8  # diameters: by how much shifts of neighbouring groups may differ
 _STIFF = 5e-3  # m: spread of places that tells as much of a slope as there is known of it before
 _NEIGHBOURS = 3  # of a lost bead that must be seen
 _LOOKS = 3  # at lost beads: those found are neighbours of others
@@ -185,9 +185,9 @@ def shared_shifts(image: Array, expected: Array, rest: Array, groups: Indices, l
     They are ``expected``, (n, 2) [px], and lie at ``rest``, (n, 3) [m]. Return shifts, (n, 2) [px], zero where the
     group is where it is expected, or nowhere, or of fewer than 5.
     """
-    if groups.shape[1] < _SMALLEST:
+    if groups.shape[1] < _MIN_GROUP:
         return np.zeros_like(expected)
-    most = int(np.ceil(_FARTHEST * look.diameter))
+    most = int(np.ceil(_MAX_SHIFT * look.diameter))
     room = most + int(np.ceil(4.0 * look.sigma)) + 1
     size = np.array(image.shape[::-1])
     low = np.clip(np.floor(expected.min(axis=0)).astype(int) - room, 0, size - 1)
@@ -199,13 +199,13 @@ def shared_shifts(image: Array, expected: Array, rest: Array, groups: Indices, l
     places = (expected - low)[:, None] + shift
     own = ndimage.map_coordinates(answer, (places[..., 1], places[..., 0]), order=1, cval=0.0)
     together = own[groups].mean(axis=1)
-    least = together[:, np.hypot(*shift.T) <= _LEAST].max(axis=1) + _BETTER
+    least = together[:, np.hypot(*shift.T) <= _MIN_SHIFT].max(axis=1) + _BETTER
     rows = np.arange(len(expected))
     best = together.argmax(axis=1)
     moved = together[rows, best] > least
     found = np.where(moved[:, None], shift[best], 0.0).astype(float)
     # The tissue moves smoothly: a group that alone has moved saw the blade, or beads that are not its own.
-    near = np.hypot(*np.moveaxis(found[groups] - found[:, None], -1, 0)) < _ALIKE * look.diameter
+    near = np.hypot(*np.moveaxis(found[groups] - found[:, None], -1, 0)) < _MAX_SHIFT_DIFFERENCE * look.diameter
     moved &= (near & moved[groups]).mean(axis=1) > 0.5
     # The others are looked for where the motion of those around, made linear, would have them.
     for _ in range(_LOOKS):

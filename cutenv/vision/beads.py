@@ -158,7 +158,7 @@ _SWAP = 0.75  # diameters: two beads nearer than that in every view are one bead
 _MODEL_ERROR = 0.3  # of what the model moves a bead from frame to frame, that it may be wrong by
 _CROWDED = 2.4  # diameters to the next bead, within which the fit may run to it
 _OF_A_FIELD = 2.4  # true covariance over that of a fit in a field: interpolated lines tell nothing, and are less noisy
-_FEWEST = 0.5  # of the beads, to be seen in the first frame of each view
+_MIN_SEEN_SHARE = 0.5  # of the beads, to be seen in the first frame of each view
 
 
 def find_beads(image: ArrayLike, view: CArmView, diameter: float, *, least_snr: float = 4.0) -> tuple[Spots, Spots]:
@@ -369,7 +369,7 @@ def _jump(state: BeadFilter, views: Sequence[CArmView], images: Sequence[Array],
 
 def _check_first(seen: NDArray[np.bool_], views: Sequence[CArmView]) -> None:
     for view, shown in zip(views, seen, strict=True):
-        if shown.mean() < _FEWEST:
+        if shown.mean() < _MIN_SEEN_SHARE:
             raise ValueError(
                 f"view {view.name!r} shows {shown.sum()} of {len(shown)} beads where the calibration and their places "
                 "expect them. Is it turned or mirrored, are the views in another order, or is the calibration another?"

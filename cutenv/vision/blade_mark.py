@@ -25,7 +25,9 @@ REACH = 3.0  # distance to either side of a known line within which its points a
 _ALONG = 2.0  # of the Gaussian along a line that is known roughly, before its points are sought [px]
 SATURATED = 250  # grey value from which on the camera may have seen more
 _GLARE = 0.25  # share of saturated points about an edge from which on it is not trusted
-_ALIKE = 1.5  # standard error of a line over that of points with errors of their own; measured on rendered films [1]
+_ERROR_RATIO = (
+    1.5  # standard error of a line over that of points with errors of their own; measured on rendered films [1]
+)
 _CROOKED = 0.6  # root mean square distance of a line's points from which on it is no line [px]
 _BOWED = 1.2  # height of its arc from which on it is none, but the border of a drop, say [px]
 
@@ -147,7 +149,7 @@ def fitted_line(patch: EdgePatch, near: Line, name: str) -> Line:
     if _median(rise[good]) < LEAST_CONTRAST:
         raise UnusableFrame(f"{name} has too little contrast")
     # Neighbours are smoothed together, and share the tissue's texture.
-    sd = max(_ALIKE * scatter * math.sqrt(2.0 * math.sqrt(math.pi) * _ALONG / good.sum()), 0.01)
+    sd = max(_ERROR_RATIO * scatter * math.sqrt(2.0 * math.sqrt(math.pi) * _ALONG / good.sum()), 0.01)
     middle, extent = float(t[good].mean()), float(t[good].std())
     return Line(float(height), float(slope), middle, sd, sd / extent, spread)
 

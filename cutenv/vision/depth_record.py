@@ -263,10 +263,10 @@ def _check_gaps(clock: Array, trace: Trace, position: Array) -> None:
 _AHEAD, _BESIDE = 14e-3, 7e-3  # reach of the window around the blade along the travel and upright in the image [m]
 _POINT_SPACING = 5.0  # of the points that are followed [px]
 _WINDOW = 15  # about a point that is compared [px]
-_FEWEST = 12  # points
+_MIN_POINTS = 12  # points
 _ASTRAY = 0.5  # of a point that is followed forth and back, from which on it is not trusted [px]
 _PACE_STEPS = 3  # steps to either side that tell the tissue's pace
-_LEAST, _CLEAR = 0.05e-3, 4.0  # smallest lag behind this pace that is a run [m], and over its scatter [1]
+_MIN_LAG, _CLEAR = 0.05e-3, 4.0  # smallest lag behind this pace that is a run [m], and over its scatter [1]
 _SLACK = 0.03  # between a run and its drop: time in which the force falls, and error of the lag [s]
 
 
@@ -339,7 +339,7 @@ def _runs_of(steps: list[tuple[float, float, float]]) -> tuple[SeenRun, ...]:
     took = ends - begins
     padded = np.pad(went / took, _PACE_STEPS, mode="edge")
     behind = went - took * np.median(sliding_window_view(padded, 2 * _PACE_STEPS + 1), axis=1)
-    least = max(_LEAST, _CLEAR * 1.4826 * float(np.median(np.abs(behind))))
+    least = max(_MIN_LAG, _CLEAR * 1.4826 * float(np.median(np.abs(behind))))
     found: list[tuple[float, float, float]] = []
     for k in np.flatnonzero((behind < -least) & (went < 0.0)):
         begin, back = float(begins[k]), -float(behind[k])
@@ -356,14 +356,14 @@ def _tissue_step(before: _Seen, after: _Seen, per_m: Array) -> float | None:
     axes = [np.arange(-far, far + 1.0, _POINT_SPACING) for far in reach]
     points = (before.view.surface + np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)).astype(np.float32)
     points = points[_beside(points, before)]
-    if len(points) < _FEWEST:
+    if len(points) < _MIN_POINTS:
         return None
     size = (_WINDOW, _WINDOW)
     there, found, _ = cv2.calcOpticalFlowPyrLK(before.image, after.image, points, None, winSize=size, maxLevel=3)  # type: ignore[call-overload]
     back, again, _ = cv2.calcOpticalFlowPyrLK(after.image, before.image, there, None, winSize=size, maxLevel=3)  # type: ignore[call-overload]
     good = (found.ravel() & again.ravel()).astype(bool) & (np.abs(back - points).max(axis=1) < _ASTRAY)
     good &= _beside(there, after)
-    if good.sum() < _FEWEST:
+    if good.sum() < _MIN_POINTS:
         return None
     return float(np.median((there - points)[good] @ per_m)) / scale**2
 

@@ -228,3 +228,19 @@ def test_the_types_that_docstrings_name_exist():
 
 def test_a_type_that_does_not_exist_is_seen():
     assert documented_types("Do.\n\nParameters\n----------\nx : Shift or None\n    A `Thing`.\n") == {"Shift", "None"}
+
+
+BARE = re.compile(
+    "_(FEW|FEWEST|MANY|MOST|LEAST|LARGEST|SMALLEST|LONGEST|SHORTEST|FARTHEST|NEAREST|FASTEST|SLOWEST|DEEPEST|WIDEST"
+    "|HIGHEST|LOWEST|AGAIN|ALIKE|ENOUGH|TOLD)"
+)
+
+
+def test_a_private_limit_is_named_after_what_it_limits():
+    bare = [
+        f"{path.relative_to(ROOT)}: {node.id}"
+        for path in sorted((ROOT / "cutenv").rglob("*.py"))
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store) and BARE.fullmatch(node.id)
+    ]
+    assert bare == []

@@ -19,7 +19,7 @@ from cutenv.rig import spine
 from cutenv.rig.devices.loop import SystemClock, next_due
 from cutenv.rig.devices.protocols import DriveState, ForceSample
 from cutenv.rig.errors import RigError
-from cutenv.rig.safety.stop_causes import AGAIN, WITHHOLD_HEARTBEAT_AFTER, Cause, RigStopped
+from cutenv.rig.safety.stop_causes import STOP_PERIOD, WITHHOLD_HEARTBEAT_AFTER, Cause, RigStopped
 
 UPRIGHT = math.pi / 2
 OVER = ForceSample(0.0, (30.0, 0.0, 0.0), (7, 1, 2, 3, 4, 5), 0, 0, 0)
@@ -84,7 +84,9 @@ def test_a_quick_stop_that_fails_spares_no_other_axis_and_ends_the_heartbeat(rig
     when, what, *_ = rig.blade.sent[-1]
     assert what == "abandoned"
     late = when - rig.plant.supervisor.report.detected - WITHHOLD_HEARTBEAT_AFTER
-    assert late < (5 * AGAIN if fails else AGAIN + 1e-9)  # one that hangs has had its time at the stop itself
+    assert late < (
+        5 * STOP_PERIOD if fails else STOP_PERIOD + 1e-9
+    )  # one that hangs has had its time at the stop itself
     assert "our heartbeat ends" in rig.plant.supervisor.report.detail
 
 
@@ -104,7 +106,7 @@ def test_a_repeated_quick_stop_that_hangs_holds_up_no_other_and_ends_the_heartbe
     rig.clock.sleep_until(rig.clock.now() + 0.3)
     assert time.monotonic() - begun < 5.0
     assert len(asked) == 2
-    assert len(rig.angle.sent) >= 0.28 / AGAIN - 3
+    assert len(rig.angle.sent) >= 0.28 / STOP_PERIOD - 3
     assert rig.blade.sent[-1][1] == "abandoned"
 
 
@@ -139,7 +141,7 @@ def test_after_a_reset_that_fails_the_heartbeat_ends_again(rig):
     tried = rig.clock.now()
     rig.clock.sleep_until(tried + 0.2)
     assert len(ended) == 2
-    assert ended[1] - tried < WITHHOLD_HEARTBEAT_AFTER + 2 * AGAIN
+    assert ended[1] - tried < WITHHOLD_HEARTBEAT_AFTER + 2 * STOP_PERIOD
 
 
 @pytest.mark.parametrize("fails", [True, False], ids=["raises", "hangs"])

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from cutenv.emulation.sensor_server import SensorPage, SensorServer
 from cutenv.rig.devices.netft_sensor import (
-    LARGEST,
+    MAX_PAGE_BYTES,
     PacketError,
     RdtCommand,
     SensorPacket,
@@ -228,7 +228,7 @@ def test_the_emulated_sensor_shows_a_page_that_is_read():
 @pytest.mark.parametrize(
     ("answer", "why"),
     [
-        (answering(b"<netft>" + b" " * LARGEST), f"more than {LARGEST} bytes"),
+        (answering(b"<netft>" + b" " * MAX_PAGE_BYTES), f"more than {MAX_PAGE_BYTES} bytes"),
         (lambda handler: handler.send_error(404), "404"),
     ],
 )

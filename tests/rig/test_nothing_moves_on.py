@@ -9,7 +9,7 @@ from made_ready import ready_rig
 
 from cutenv.emulation.fake_rig import FakeRig
 from cutenv.rig.devices.protocols import DriveState
-from cutenv.rig.safety.stop_causes import AGAIN, RESEND_STOP_AFTER, WITHHOLD_HEARTBEAT_AFTER, Cause, RigStopped
+from cutenv.rig.safety.stop_causes import RESEND_STOP_AFTER, STOP_PERIOD, WITHHOLD_HEARTBEAT_AFTER, Cause, RigStopped
 
 UPRIGHT, LEANING = math.pi / 2, math.radians(60.0)
 PERIOD = 20  # [ms]
@@ -66,7 +66,7 @@ def test_a_drive_that_nobody_sees_is_told_again_and_not_left_by_the_heartbeat(ri
     pass_time(rig, 0.090)
     report = rig.plant.supervisor.report
     sent = [time for time, _ in rig.blade.sent]
-    assert sent[1] <= report.commanded + rig.settings.limits.stale_motion + AGAIN + 1e-9
+    assert sent[1] <= report.commanded + rig.settings.limits.stale_motion + STOP_PERIOD + 1e-9
     assert rig.blade.state is DriveState.QUICK_STOP
     assert rig.bench.motion[1] == 0.0
     rig.faults.motion_silent = False
@@ -82,7 +82,7 @@ def test_quick_stops_go_on_while_nothing_is_seen_and_end_once_it_is(rig):
     for _ in range(5):
         before = len(rig.blade.sent)
         pass_time(rig, 1.0)
-        assert len(rig.blade.sent) - before >= 0.9 / AGAIN
+        assert len(rig.blade.sent) - before >= 0.9 / STOP_PERIOD
     rig.faults.motion_silent = False
     pass_time(rig, 0.1)
     told = len(rig.blade.sent)

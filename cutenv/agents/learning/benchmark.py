@@ -248,7 +248,7 @@ FORMAT = 2  # version of the file
 CHOICES = ("control_hz", "angle_mode", "fixed_angle_deg")
 """Keyword arguments of the environment that a policy may choose; all others are the protocol's."""
 _BATCH = 200  # cuts simulated together
-_AGAIN = "Copy the file again, or make it again with cutenv submit."
+_CURE = "Copy the file again, or make it again with cutenv submit."
 
 Finished = Callable[[int], Any]
 
@@ -306,7 +306,9 @@ class _Recorded(ArrayPolicy):
         return self.actions[-1]
 
 
-_ALIKE = 1e-3  # difference of actions that another machine may make, whose sums of float32 round otherwise
+_MAX_ACTION_DIFFERENCE = (
+    1e-3  # difference of actions that another machine may make, whose sums of float32 round otherwise
+)
 
 
 class _Repeated(ArrayPolicy):
@@ -333,7 +335,7 @@ class _Repeated(ArrayPolicy):
         told = np.stack([own[min(self._decision, len(own) - 1)] for own in self._actions])
         if self._policy is not None and self.apart is None:
             going = self._decision < np.array([len(own) for own in self._actions])
-            other = ~(np.abs(self._policy.act(observations) - told) <= _ALIKE).all(axis=1) & going
+            other = ~(np.abs(self._policy.act(observations) - told) <= _MAX_ACTION_DIFFERENCE).all(axis=1) & going
             if other.any():
                 self.apart = int(np.argmax(other)), self._decision + 1
         return told
@@ -447,7 +449,7 @@ def write_submission(path: Path, entry: Submission) -> None:
 
 _TEXTS = ("policy", "author", "code", "date", "kind", "digest", "salt")
 _MAY_BE_EMPTY = ("code", "salt")
-_LONGEST = 200
+_MAX_CHARACTERS = 200
 
 
 def read_submission(path: Path, protocols: Sequence[Protocol] = (Protocol(), QUICK)) -> Submission:
@@ -474,13 +476,13 @@ def read_submission(path: Path, protocols: Sequence[Protocol] = (Protocol(), QUI
         seeds = entry_seeds(texts["digest"], protocol, texts["salt"])
         runs = tuple(_read_run(run, number, seeds) for number, run in enumerate(content["runs"], 1))
     except json.JSONDecodeError as error:
-        raise ValueError(f"{path}: it is not whole, or no JSON: {error}. {_AGAIN}") from None
+        raise ValueError(f"{path}: it is not whole, or no JSON: {error}. {_CURE}") from None
     except KeyError as error:
-        raise ValueError(f"{path}: {error} is missing. {_AGAIN}") from None
+        raise ValueError(f"{path}: {error} is missing. {_CURE}") from None
     except (ValueError, TypeError, AttributeError, zlib.error) as error:
-        raise ValueError(f"{path}: {error}. {_AGAIN}") from None
+        raise ValueError(f"{path}: {error}. {_CURE}") from None
     if not runs:
-        raise ValueError(f"{path}: it holds no run. {_AGAIN}")
+        raise ValueError(f"{path}: it holds no run. {_CURE}")
     for number, run in enumerate(runs, 1):
         for other, earlier in enumerate(runs[: number - 1], 1):
             if run.returns == earlier.returns:
@@ -492,8 +494,10 @@ def check_text(name: str, text: Any, *, empty: bool = False) -> None:
     """Raise ValueError unless a text fits a cell of the leaderboard."""
     if not isinstance(text, str) or not (empty or text.strip()):
         raise ValueError(f"{name} is {text!r}; give a text")
-    if len(text) > _LONGEST or not text.isprintable() or set("|<>") & set(text):
-        raise ValueError(f"{name} is {text[:_LONGEST]!r}; give one line of at most {_LONGEST} characters without | < >")
+    if len(text) > _MAX_CHARACTERS or not text.isprintable() or set("|<>") & set(text):
+        raise ValueError(
+            f"{name} is {text[:_MAX_CHARACTERS]!r}; give one line of at most {_MAX_CHARACTERS} characters without | < >"
+        )
 
 
 def _protocol(content: Mapping[str, Any], protocols: Sequence[Protocol]) -> Protocol:

@@ -182,7 +182,7 @@ def _at_start(environment: GentleCutEnv, seed: int) -> Episode:
 
 
 _BATCH, _SMALL_BATCH = 200, 100  # cuts simulated together; fewer where all readings are kept, or a policy is copied
-_FEWEST = 2000  # cuts, below which starting processes takes longer than they save
+_MIN_CUTS = 2000  # cuts, below which starting processes takes longer than they save
 _PARTS = 4  # of a planner's cuts, at least
 _PLANNED = 100  # cuts of others, which take as long as one that is planned
 
@@ -282,7 +282,7 @@ def evaluate(
         work += len(own) * (_PLANNED if planned else 1)
     cuts = sum(len(part[1]) for _, part in parts)
     with contextlib.ExitStack() as stack:
-        started = processes or (os.cpu_count() if work >= _FEWEST else 1)
+        started = processes or (os.cpu_count() if work >= _MIN_CUTS else 1)
         if pool is None and started != 1:
             pool = stack.enter_context(workers(started))
         count = stack.enter_context(progress_bar(description, "cut", total=cuts))

@@ -116,7 +116,7 @@ _LATERAL_MEAN, _ASIDE, _DIRECTION, _BEND, _BEND_FURTHER = (
 _OBSERVED = len(PATH_COMPONENTS)
 _OF_PATH = _OBSERVED + 9  # features that the path adds
 _TURN, _LENGTH, _FINE = 0.2, 0.002, 0.0005  # scales: angle [rad], distances [m]
-_RETURN, _GAIN, _LARGEST = 0.004, 1.5, 0.5  # of the turn by which the tip would come back
+_RETURN, _GAIN, _MAX_TURN = 0.004, 1.5, 0.5  # of the turn by which the tip would come back
 
 
 class PathFeatures(Features):
@@ -168,7 +168,7 @@ def _add_path(course: Struct, estimate: Struct, observation: StructArray, featur
     lateral = observation[_LATERAL_MEAN] * _SCALES[_LATERAL_MEAN]
     follow_course(course, position, (bend, blade), estimate.tip, (estimate.elastic, lateral))
     wanted = 0.0 - min(max(course.aside / BACK, -1.0), 1.0)
-    turned = min(max(_GAIN * (wanted - course.crack), -_LARGEST), _LARGEST)
+    turned = min(max(_GAIN * (wanted - course.crack), -_MAX_TURN), _MAX_TURN)
     rate = speed * (bend + (turned - blade) / _RETURN)  # by which the tip would come back
     lag = max(position - estimate.tip, 0.0)
     behind = course.turned[min(max(int(estimate.tip * POINTS_PER_METRE + 0.5), 0), course.passed)]

@@ -172,7 +172,7 @@ def choose_action(plan: Struct, state: Struct, action: StructArray) -> None:
     action[1] = np.float64(np.float32((angle - ANGLE_CENTRE) / ANGLE_SCALE))
 
 
-_FASTEST, _SLOWEST = 0.0254, 0.001  # [m/s]
+_MAX_SPEED, _MIN_SPEED = 0.0254, 0.001  # [m/s]
 _DEADLINE, _TICKS = 30.0, 20  # [s], [ms]: the environment's defaults
 _AT_ONCE = 4096  # plans that are rolled out together
 _TOGETHER = 128  # plans that one thread rolls out, so that the rows of the last ones are full
@@ -270,11 +270,11 @@ class Search:
             chosen = rng.random(values.shape) < 1.0 / 3.0
             plans[name] = np.clip(values + size * step * chosen * rng.standard_normal(values.shape), low, high)
 
-        change("speed", 0.006, _SLOWEST, _FASTEST)
+        change("speed", 0.006, _MIN_SPEED, _MAX_SPEED)
         change("angle", math.radians(12.0), INCLINED, UPRIGHT)
-        change("last_speed", 0.006, _SLOWEST, _FASTEST)
+        change("last_speed", 0.006, _MIN_SPEED, _MAX_SPEED)
         change("stop", 0.002, 0.5 * target, target + 0.05)
-        change("retreat", 0.004, 0.002, _FASTEST)
+        change("retreat", 0.004, 0.002, _MAX_SPEED)
         change("rest_lag", 1e-3, 0.0, 0.004)
         for name in ("upright_from", "slow_from"):
             near = np.where(plans[name] == _NEVER, target - 0.010, plans[name])

@@ -224,9 +224,9 @@ _BACK, _AHEAD, _SHIFT, _TURN = range(4)
 # which the line's direction is the wanted one; within which the blade shifts to the side, and within which it turns.
 _FIRST = (0.008, 0.003, 0.006, 0.003)
 _STEPS = (0.004, 0.003, 0.003, 0.0015)
-_LEAST, _MOST = (0.002, 0.0, 0.001, 0.001), (0.05, 0.02, 0.05, 0.02)
-_LARGEST = 0.8  # [rad], of a blade to the crack, as a sine
-_SLOWEST = 0.002  # [m/s], for the rate of turn of a blade at rest
+_MIN_PLAN, _MAX_PLAN = (0.002, 0.0, 0.001, 0.001), (0.05, 0.02, 0.05, 0.02)
+_MAX_SINE = 0.8  # [rad], of a blade to the crack, as a sine
+_MIN_SPEED = 0.002  # [m/s], for the rate of turn of a blade at rest
 
 
 @njit
@@ -240,7 +240,7 @@ def choose_path_actions(plans: StructArray, third: Array, cuts: Cuts, waits: Str
             choose_action(plans[n], cuts.states[n], actions[n])
             speed = cuts.states[n].speed
             bend = wanted_bend(cuts.states[n], cuts.motions[n], third[n])
-            turn = bend * (max(speed, _SLOWEST) if speed >= 0.0 else speed)
+            turn = bend * (max(speed, _MIN_SPEED) if speed >= 0.0 else speed)
             action = speed_action(turn * (SPEED_SCALE / TURN_SCALE))
             actions[n, 2] = np.float64(np.float32(min(max(action, -1.0), 1.0)))
 
@@ -257,7 +257,7 @@ def wanted_bend(state: Struct, steering: Struct, lengths: Array) -> float:
     wanted = min(max(ahead - steering.tip_aside / lengths[_BACK], -0.5), 0.5)  # turn of the crack, as a sine
     pull = max(steering.pull, 0.1)
     offset = pull * (wanted - steering.coupling) / steering.side_stiffness
-    shift = min(max((offset - steering.offset) / lengths[_SHIFT], -_LARGEST), _LARGEST)
+    shift = min(max((offset - steering.offset) / lengths[_SHIFT], -_MAX_SINE), _MAX_SINE)
     return (shift * cosine - sine) / lengths[_TURN]  # type: ignore[no-any-return]
 
 
@@ -268,7 +268,7 @@ class PathSearch(MapSearch):
     """
 
     task = PATH_CUT
-    third = ThirdPlan(_FIRST, _STEPS, _LEAST, _MOST)
+    third = ThirdPlan(_FIRST, _STEPS, _MIN_PLAN, _MAX_PLAN)
     later = (0.0, 0.003, 0.006, 0.009, 0.012, 0.016, 0.020, 0.025, 0.030)
 
     def choose(self, plans: StructArray, third: Array, cuts: Cuts, waits: StructArray, actions: Array) -> None:

@@ -190,7 +190,7 @@ __all__ = ["PolicyCard", "TrainedPolicy", "observation_scaling", "save_policy"]
 
 
 WEIGHTS, CARD = "policy.safetensors", "card.json"
-_AGAIN = "Copy the whole folder again, or save the policy again with this version of cutenv."
+_CURE = "Copy the whole folder again, or save the policy again with this version of cutenv."
 
 
 class TrainedPolicy(ArrayPolicy):
@@ -213,10 +213,10 @@ class TrainedPolicy(ArrayPolicy):
         size = _features(card, 1).size + (0 if card.script is None else len(task.task.action_names))
         if isinstance(network, RecurrentNetwork) != (card.memory is not None):
             kind = "one" if isinstance(network, RecurrentNetwork) else "none"
-            raise ValueError(f"memory is {card.memory!r}, but the network has {kind}. {_AGAIN}")
+            raise ValueError(f"memory is {card.memory!r}, but the network has {kind}. {_CURE}")
         if network.sizes != card.layers:
             found = _shown(network.sizes)
-            raise ValueError(f"layers is {_shown(card.layers)}, but the network's are {found}. {_AGAIN}")
+            raise ValueError(f"layers is {_shown(card.layers)}, but the network's are {found}. {_CURE}")
         needed = (size, len(task.task.action_names))
         if (network.sizes[0], network.sizes[-1]) != needed:
             raise ValueError(
@@ -388,7 +388,7 @@ def _features(card: PolicyCard, count: int) -> Any:
     try:
         return task_made_as(card.environment).features(count, **card.features)
     except (TypeError, ValueError) as error:
-        raise ValueError(f"features {card.features} are not understood: {error} {_AGAIN}") from None
+        raise ValueError(f"features {card.features} are not understood: {error} {_CURE}") from None
 
 
 def _shown(sizes: tuple[int, ...]) -> str:
@@ -406,7 +406,7 @@ def _holds_same(path: Path, card: PolicyCard) -> bool:
 
 def _content(path: Path) -> bytes:
     if not path.is_file():
-        raise FileNotFoundError(f"{path.parent} holds no {path.name}: not a policy, or not all of one. {_AGAIN}")
+        raise FileNotFoundError(f"{path.parent} holds no {path.name}: not a policy, or not all of one. {_CURE}")
     return path.read_bytes()
 
 
@@ -444,5 +444,5 @@ def _named(path: Path) -> Iterator[None]:
     try:
         yield
     except (TypeError, ValueError) as error:
-        cure = "" if _AGAIN in str(error) else f" {_AGAIN}"
+        cure = "" if _CURE in str(error) else f" {_CURE}"
         raise ValueError(f"{path}: {error}{cure}") from None

@@ -100,7 +100,7 @@ def force_delay(sines: Sequence[Stretch], felt: Sequence[Felt], frequencies: Seq
     ratios, errors, turns = [], [], []
     for sine, readings, frequency in zip(sines, felt, frequencies, strict=True):
         moved, heard = (_within(sine, times, frequency) for times in (sine.time, readings.time))
-        if moved.sum() < _FEWEST or heard.sum() < _FEWEST:
+        if moved.sum() < _MIN_SAMPLES or heard.sum() < _MIN_SAMPLES:
             continue
         omega, begun = 2.0 * math.pi * frequency, float(sine.time[moved][0])
         position, _ = _component(sine.time[moved], sine.position[moved], frequency, begun)
@@ -284,7 +284,7 @@ def _component(time: Array, values: Array, frequency: float, begun: float) -> tu
 
 TORQUE_STEP = 1e-3  # resolution of the reported torque over the rated one: drives count per mille
 _LAGS = 5.0  # lags after which a speed counts as steady
-_FEWEST = 8  # least number of samples of a steady speed
+_MIN_SAMPLES = 8  # least number of samples of a steady speed
 _BEGUN = 0.5  # share of the speed, from which an axis that reversed counts as moving again
 _SIDE = 4  # least number of samples on each side of a step of torque
 _CLEAR = 6.0  # standard errors by which the step must exceed zero
@@ -339,7 +339,7 @@ def coulomb_friction(
             change = abs(speed - (step.command[k - 1] if k else 0.0))
             begin = step.command_time[k] + dead_time + change / acceleration + _LAGS * lag
             steady = (step.time >= begin) & (step.time < end)
-            if speed != 0.0 and steady.sum() >= _FEWEST:
+            if speed != 0.0 and steady.sum() >= _MIN_SAMPLES:
                 speeds.append(speed)
                 forces.append(force_per_torque(axis) * float(step.torque[steady].mean()))
     told, force = np.array(speeds), np.array(forces)

@@ -208,12 +208,14 @@ def bars(clock: ClockKept, most: int = _BARS) -> Sequence[tuple[float, float, in
 VERDICT_COLOURS = {"agree": "#0072b2", "differ": "#d55e00", "undecided": "#6b6b6b"}
 _MARKERS = {"agree": "o", "differ": "D", "undecided": "s"}
 _RIG, _SIMULATOR = "#d55e00", "#0072b2"
-_FARTHEST = 4.0  # margins beyond which a difference is drawn at the edge
+_MAX_DRAWN_MARGINS = 4.0  # margins beyond which a difference is drawn at the edge
 
 
 def in_margins(end: float, margin: float) -> float:
     """Return a difference in margins, at most at the edge; a margin may be 0."""
-    return float(np.clip(end / margin if margin else np.sign(end) * _FARTHEST, -_FARTHEST, _FARTHEST))
+    return float(
+        np.clip(end / margin if margin else np.sign(end) * _MAX_DRAWN_MARGINS, -_MAX_DRAWN_MARGINS, _MAX_DRAWN_MARGINS)
+    )
 
 
 def differences_figure(findings: Sequence[Finding], width: float) -> Figure:
@@ -238,7 +240,7 @@ def differences_figure(findings: Sequence[Finding], width: float) -> Figure:
             place = ((0.0, -row), (2, 3), ("axes fraction", "data"))
             axes.annotate(names[row], place[0], place[1], place[2], textcoords="offset points", fontsize=7)
     axes.set_yticks([] if phone else -np.arange(len(findings)), [] if phone else names)
-    axes.set_xlim(-_FARTHEST - 0.1, _FARTHEST + 0.1)
+    axes.set_xlim(-_MAX_DRAWN_MARGINS - 0.1, _MAX_DRAWN_MARGINS + 0.1)
     axes.set_ylim(-len(findings) + 0.4, 0.8)
     axes.set_xlabel("rig minus simulator, in margins, 95 % interval")
     plain_axes(axes, "x")

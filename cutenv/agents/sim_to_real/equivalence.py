@@ -27,7 +27,7 @@ FEWEST_SPECIMENS = 6
 _POWER = 0.842  # normal quantile of 80 %, the power for the number of specimens needed
 _ALPHA = 1.0 - CONFIDENCE
 _NOTHING = "it is 0 in every cut, on both sides"
-_MOST = 1000  # largest number of specimens that is given as needed
+_MAX_SPECIMENS = 1000  # largest number of specimens that is given as needed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,7 +65,7 @@ class EffectEstimate:
             return self.number if error == 0.0 else None
         quantile = 1.645 if abs(self.value) < self.margin else 3.1  # beyond: Holm's first step of two dozen measures
         needed = math.ceil(self.number * ((quantile + _POWER) * error / clear) ** 2)
-        return None if needed > _MOST else max(needed, self.number + 1)
+        return None if needed > _MAX_SPECIMENS else max(needed, self.number + 1)
 
 
 def signed_rank_shift(differences: ArrayLike, margin: float) -> EffectEstimate:

@@ -47,7 +47,10 @@ _SHARES = (0.08, 0.16, 0.32, 0.6, 0.8)  # [1] speeds of the steps over the top s
 _FREQUENCIES = (0.5, 1.0, 2.0, 4.0, 8.0)  # [Hz]
 _SWING = 0.2  # [1] amplitude of a slow sine over the top speed
 _STEEPEST = 0.6  # [1] acceleration of a fast sine over its limit: beyond it the motion would not be a sine
-_CYCLES, _LEAST = 4, 2.0  # least number of cycles, of which the first is ignored, and least duration [s] of a sine
+_CYCLES, _MIN_DURATION = (
+    4,
+    2.0,
+)  # least number of cycles, of which the first is ignored, and least duration [s] of a sine
 _LAG = 0.1  # [s] that an axis may need besides its ramp
 _CLEARANCE = 0.002  # [m] besides
 _STEP_HOLD = 0.7  # [s] at least
@@ -62,7 +65,7 @@ class Sine(NamedTuple):
     @property
     def duration(self) -> float:
         """Duration in whole cycles [s]."""
-        return max(_CYCLES, math.ceil(_LEAST * self.frequency)) / self.frequency
+        return max(_CYCLES, math.ceil(_MIN_DURATION * self.frequency)) / self.frequency
 
     def speed(self, time: float) -> float:
         """Return the commanded speed ``time`` [s] after the beginning [m/s]."""

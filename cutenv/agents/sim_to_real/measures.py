@@ -56,7 +56,7 @@ class ComparedCut:
 
 STEP = 1e-4  # spacing of the positions at which forces are compared [m]
 _RETREAT = 1e-4  # [m] behind the furthest point: the flicker of an encoder is smaller
-_SHORTEST = 0.005  # [m], shortest common length that is compared
+_MIN_COMMON_LENGTH = 0.005  # [m], shortest common length that is compared
 _TIME_STEP = 0.005  # [s], interval of a rig's positions
 
 
@@ -98,7 +98,7 @@ def force_difference(first: Trace, second: Trace, *, displaced: float = 0.0) -> 
         return None
     other_at = other_at + displaced
     low, high = max(at[0], other_at[0]), min(at[-1], other_at[-1])
-    if high - low < _SHORTEST:
+    if high - low < _MIN_COMMON_LENGTH:
         return None
     common = np.arange(low, high, STEP)
     return np.interp(common, at, force) - np.interp(common, other_at, other)

@@ -48,7 +48,7 @@ from cutenv.sim.trace import Trace
 from cutenv.task.reward import STOPPED
 
 OPENING_SPEED = 0.0127  # speed of the opening [m/s]: half of the fastest measured
-_SHORTEST, _LONGEST = 0.020, 0.050
+_MIN_TARGET, _MAX_TARGET = 0.020, 0.050
 """Range of its length [m]: below, little is told of the tissue; above, little is left to the policy."""
 
 
@@ -61,7 +61,7 @@ class OpenedPolicy(ArrayPolicy):
     def __init__(self, policy: Policy, length: float, angle: float) -> None:
         self._policy = as_array_policy(policy)
         self._feed = ConstantFeed(speed=OPENING_SPEED, angle=angle)
-        self._length = in_range("length", length, _SHORTEST, _LONGEST, "m", "Give 25 mm.")
+        self._length = in_range("length", length, _MIN_TARGET, _MAX_TARGET, "m", "Give 25 mm.")
 
     def begin(self, rngs: Sequence[np.random.Generator]) -> None:
         """Begin the opening of ``len(rngs)`` cuts."""

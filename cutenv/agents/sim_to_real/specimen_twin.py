@@ -34,11 +34,11 @@ from cutenv.sim.trace import Trace
 SHARE = 0.5  # share of the blade's way that a twin is fitted to; the rest is held out
 _MODES = 4  # of a field, within the fitted part: 99 % of its variance over two correlation lengths
 _WINDOW = 5e-3  # [m] in which mean and spread of the force are taken: some runs of the crack
-_FEWEST = 20  # readings of a window
+_MIN_READINGS = 20  # readings of a window
 _SMOOTH = 21  # [ms] over which positions are averaged: an encoder's steps are no motion
 _MISFIT = 0.15  # [N] usual difference of either, by runs that fall into a window or not
 _FRICTION = 0.5  # SD of the logarithm of friction about its usual share
-_SHORTEST = 0.015  # [m] of way, of which half tells of modulus and resistance
+_MIN_WAY = 0.015  # [m] of way, of which half tells of modulus and resistance
 _FADES = 0.01  # [m] over which an error of the depth stays alike
 _INCLINED = math.radians(85.0)  # angle below which the ratio of the inclined cut matters
 
@@ -128,8 +128,8 @@ def fit_twin(
     tape = ReplayPlant(trace)
     readings, depth = tape.readings, np.clip(tape.depth, 1e-4, LENGTH)
     way = float(readings["position"].max())
-    if way < _SHORTEST:
-        raise ValueError(f"the blade goes {1e3 * way:.1f} mm: {1e3 * _SHORTEST:g} mm or more tell of the tissue.")
+    if way < _MIN_WAY:
+        raise ValueError(f"the blade goes {1e3 * way:.1f} mm: {1e3 * _MIN_WAY:g} mm or more tell of the tissue.")
     until = share * way
     stop = int(np.argmax(readings["position"] >= until))
     kernel = np.ones(_SMOOTH) / _SMOOTH
@@ -149,7 +149,7 @@ def fit_twin(
             count = np.maximum(np.bincount(window[new]), 1)
             mean = np.bincount(window[new], values[new]) / count
             variance = np.bincount(window[new], (values[new] - mean[window[new]]) ** 2) / count
-            found.append(np.concatenate((mean, np.sqrt(variance)))[np.tile(count >= _FEWEST, 2)])
+            found.append(np.concatenate((mean, np.sqrt(variance)))[np.tile(count >= _MIN_READINGS, 2)])
         return np.concatenate(found)
 
     told, (modes, _) = binned(force), _fields(tissue.correlation_length, round(until / SPACING))
@@ -188,7 +188,7 @@ def fit_twin(
     numbers = min(levels, key=squares)  # the crack's runs make many hollows: begin in the deepest
     for step in _STEPS:
         found = least_squares(
-            free_misfits, numbers[free], jac=partial(slopes, step=step), bounds=(-_LARGEST, _LARGEST),
+            free_misfits, numbers[free], jac=partial(slopes, step=step), bounds=(-_MAX_FACTOR, _MAX_FACTOR),
             max_nfev=_MOST_STEPS,
         )  # fmt: skip
         numbers = min((numbers, of_free(found.x)), key=squares)
@@ -206,7 +206,7 @@ def fit_twin(
 
 _LEVELS = ((-2.0, -1.0, 0.0, 1.0, 2.0), (-1.5, -0.75, 0.0, 0.75, 1.5, 2.25), (-1.0, 0.0, 1.0))
 _STEPS = (0.3, 0.1)  # differences of the numbers, for slopes over the noise of the runs
-_MOST_STEPS, _LARGEST = 12, 5.0
+_MOST_STEPS, _MAX_FACTOR = 12, 5.0
 
 
 def held_out(trace: Trace, until: float) -> Trace:

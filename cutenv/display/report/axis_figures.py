@@ -23,7 +23,7 @@ _SIZE = (11.0, 8.5)  # [in]
 _SPEED_SIZE = (9.0, 7.5)  # [in]
 _DESIRED, _ACTUAL, _FORCE = "#000000", "#0072b2", "#d55e00"
 _HEIGHT = 0.85  # height of a response over the distance to the next
-_LEAST = 1e-6  # [m]
+_MIN_WIDTH = 1e-6  # [m]
 
 
 def draw_identification(
@@ -47,7 +47,7 @@ def draw_identification(
 def _draw(above: Axes, below: Axes, answers: Sequence[StepResponse]) -> None:
     for number, (_, time, measured, model) in enumerate(answers):
         colour = _COLOURS[number % len(_COLOURS)]
-        span = max(float(np.ptp(measured)), _LEAST)  # each over its own range, one above the other
+        span = max(float(np.ptp(measured)), _MIN_WIDTH)  # each over its own range, one above the other
         least = float(measured.min())
         above.plot(time, number + _HEIGHT * (measured - least) / span, ".", markersize=2.5, color=colour)
         above.plot(time, number + _HEIGHT * (model - least) / span, color="black", linewidth=0.7)

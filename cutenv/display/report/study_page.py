@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-_LONGEST = 100  # number of cuts beyond which nobody would make them
+_MAX_CUTS = 100  # number of cuts beyond which nobody would make them
 _WORDS = (
     "ICC, the intraclass correlation: the share of a metric's variance that lies between people, and not between the "
     "cuts of one person. 1 is a metric that is always the same for the same person, 0 one that tells nobody from "
@@ -270,7 +270,7 @@ def cuts_needed(reliability: OneWay) -> str:
     cuts = reliability.cuts_for(0.8)
     if math.isinf(cuts):
         return "none will do"
-    return f"more than {_LONGEST}" if cuts > _LONGEST else str(max(1, math.ceil(cuts)))
+    return f"more than {_MAX_CUTS}" if cuts > _MAX_CUTS else str(max(1, math.ceil(cuts)))
 
 
 def statistic_cells(found: OneWay | Separation | Intraclass | NotEstimable, columns: int) -> list[str]:

@@ -29,7 +29,7 @@ Rows = Sequence[Mapping[str, Any]]
 SPECIMEN_CLASS = "specimen class"
 """Name of the fact that the headline needs."""
 
-_LARGEST = 1e12  # no score is beyond it; NaN and infinity are refused with it
+_MAX_SCORE = 1e12  # no score is beyond it; NaN and infinity are refused with it
 _SHARE = "It is a share of the cuts, not a percentage."
 _ROUNDING = 1e-9
 _CURE = "An interval needs two specimens or more; look for a NaN in the scores."
@@ -238,7 +238,7 @@ class TrainingResult:
         if self.curve:
             _check_rows("curve", self.curve, (), ("decisions", "return", "success"))
         if self.chosen_at is not None:
-            in_range("chosen_at", self.chosen_at, 0, _LARGEST, "decisions")
+            in_range("chosen_at", self.chosen_at, 0, _MAX_SCORE, "decisions")
         for place, cut in enumerate(self.cuts):
             one_of(f"cuts[{place}].policy", cut.policy, self.policies)
 
@@ -342,7 +342,7 @@ def _check_rows(name: str, rows: Rows, words: Sequence[str], numbers: Sequence[s
             raise ValueError(f"{here} comes twice; give one row for each.")
         seen.add(key)
         for field in numbers:
-            in_range(f"{field} of {here}", row[field], -_LARGEST, _LARGEST, "1", _CURE if "mean" in row else "")
+            in_range(f"{field} of {here}", row[field], -_MAX_SCORE, _MAX_SCORE, "1", _CURE if "mean" in row else "")
         if "mean" in row and not row["low_95"] - _ROUNDING <= row["mean"] <= row["high_95"] + _ROUNDING:
             raise ValueError(
                 f"{here} has mean {row['mean']:g} outside of its interval "

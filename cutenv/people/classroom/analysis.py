@@ -36,7 +36,7 @@ if hasattr(os, "nice"):
 from cutenv.commands.cli import main
 sys.exit(main(json.load(sys.stdin)))
 """
-_LONGEST = 3600.0  # s
+_MAX_DURATION = 3600.0  # s
 _LEFT = 24 * 3600.0  # s after which a folder belongs to a server that was killed
 _TABLE, _SAID, _TROUBLE = "people.csv", "said.txt", "trouble.txt"
 _SHOWN = (".html", ".csv", ".json")
@@ -204,7 +204,7 @@ class Analyses:
             self._process = (made.id, process)
             made.state = "working"
         try:
-            process.communicate(json.dumps(list(arguments)), timeout=_LONGEST)
+            process.communicate(json.dumps(list(arguments)), timeout=_MAX_DURATION)
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()

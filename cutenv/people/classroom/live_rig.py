@@ -26,7 +26,7 @@ _NUMBERS = (
     "time_s", "force_N", "position_mm", "speed_mm_s", "angle_deg", "force_limit_N", "low_mm", "high_mm",
 )  # fmt: skip
 _TEXTS = ("rig", "phase", "stop")
-_LARGEST, _LONGEST = 2048, 400  # bytes of a datagram, characters of a text in it
+_MAX_DATAGRAM, _MAX_TEXT = 2048, 400  # bytes of a datagram, characters of a text in it
 _KEPT = 500  # messages: 20 s
 _LOOK_EVERY = 0.05  # [s]
 _CONNECTED = 30.0  # [s] after which a browser has to ask again, and show again who it is
@@ -64,7 +64,7 @@ class LiveRig:
     def _receive(self) -> None:
         number = 0
         while not self._closed:
-            message = checked_message(self._socket.recv(_LARGEST + 1))
+            message = checked_message(self._socket.recv(_MAX_DATAGRAM + 1))
             if message is not None:
                 number += 1
                 self._kept.append((number, message))
@@ -82,7 +82,7 @@ def checked_message(datagram: bytes) -> dict[str, Any] | None:
     Any program of this machine can send to the port.
     """
     try:
-        content = json.loads(datagram) if len(datagram) <= _LARGEST else None
+        content = json.loads(datagram) if len(datagram) <= _MAX_DATAGRAM else None
     except (ValueError, RecursionError):
         return None
     if not isinstance(content, dict) or content.get("schema") != LIVE_SCHEMA:
@@ -90,7 +90,7 @@ def checked_message(datagram: bytes) -> dict[str, Any] | None:
     numbers, texts = {name: content.get(name) for name in _NUMBERS}, {name: content.get(name) for name in _TEXTS}
     if not all(value is None or _is_number(value) for value in numbers.values()):
         return None
-    if not all(value is None or (isinstance(value, str) and len(value) <= _LONGEST) for value in texts.values()):
+    if not all(value is None or (isinstance(value, str) and len(value) <= _MAX_TEXT) for value in texts.values()):
         return None
     return numbers | texts
 

@@ -29,7 +29,7 @@ SCORE_SCOPE = "https://purl.imsglobal.org/spec/lti-ags/scope/score"
 """Scope of the Assignment and Grade Services that the class asks for, and no other of them."""
 HIGHEST_GRADE = 100
 """Highest grade."""
-_EVERY, _SLOWEST = 2.0, 600.0  # [s] between two looks; at most so long after failures of a platform
+_EVERY, _MAX_WAIT = 2.0, 600.0  # [s] between two looks; at most so long after failures of a platform
 _HELD_BACK = 60.0  # [s] after which a grade that waits for the end of a course is looked at again
 _REFUSED_FOR_GOOD = (400, 403, 404, 405, 409, 410, 413, 415, 422)  # what another attempt would not change
 
@@ -157,7 +157,7 @@ class GradeCourier:
         return None
 
     def _failed(self, key: tuple[str, str], trouble: str) -> None:
-        wait = min(2.0 * self._waits.get(key, (0.5 * _EVERY, 0.0))[0], _SLOWEST)
+        wait = min(2.0 * self._waits.get(key, (0.5 * _EVERY, 0.0))[0], _MAX_WAIT)
         self._waits[key] = (wait, time.monotonic() + wait)
         self.troubles[key] = trouble
 

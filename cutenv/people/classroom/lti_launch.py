@@ -37,7 +37,7 @@ _CHOSEN_WITHIN = 3600  # [s]
 _OTHER_BROWSER = (
     "This browser did not begin this launch, or keeps no cookies here. Open the activity again, in a new window."
 )
-_LONGEST, _FARTHEST = 255, 1e12  # characters of an identifier; [s] from 1970
+_MAX_CHARACTERS, _MAX_TIME = 255, 1e12  # characters of an identifier; [s] from 1970
 
 
 class RefusedLaunch(ValueError):
@@ -248,7 +248,7 @@ class LaunchDoor:
         if kind not in (RESOURCE_LINK, DEEP_LINKING):
             raise RefusedLaunch(f"The launch is a message {kind!r}, of which the class has no use.")
         subject = claims.get("sub")
-        if not isinstance(subject, str) or not 1 <= len(subject) <= _LONGEST or not subject.isprintable():
+        if not isinstance(subject, str) or not 1 <= len(subject) <= _MAX_CHARACTERS or not subject.isprintable():
             raise RefusedLaunch("The launch does not say who comes. Sign in to the learning platform.")
         roles = claims.get(f"{_CLAIM}roles")
         if not isinstance(roles, list) or not all(isinstance(each, str) for each in roles):
@@ -285,12 +285,12 @@ def _audience(claims: Mapping[str, Any]) -> list[str]:
 
 def _number(claims: Mapping[str, Any], name: str) -> float:
     value = claims.get(name)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < _FARTHEST:  # NaN is not, too
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < _MAX_TIME:  # NaN is not, too
         raise RefusedLaunch(f"The launch has no {name}.")
     return float(value)
 
 
-def _text(value: Any, longest: int = _LONGEST) -> str:
+def _text(value: Any, longest: int = _MAX_CHARACTERS) -> str:
     """Return a claim's text, "" if missing, too long or unprintable."""
     return value if isinstance(value, str) and len(value) <= longest and value.isprintable() else ""
 

@@ -41,7 +41,11 @@ _ON_A_PAGE, _MOST_PAGES, _WITHIN = 200, 200, 30.0  # members asked for at once; 
 _ROLE = re.compile(r"(?:http://purl\.imsglobal\.org/vocab/lis/v2/membership#)?([A-Za-z]{1,64})")
 _LINK = re.compile(r'<([^<>]*)>((?:\s*;\s*[\w*-]+\s*=\s*(?:"[^"]*"|[^\s",;]+))*)')
 _RELATIONS = re.compile(r';\s*rel\s*=\s*(?:"([^"]*)"|([^\s",;]+))', re.IGNORECASE)
-_LONGEST, _LONGEST_NAME, _MOST_ROLES = 255, 200, 20  # characters of an identifier and of a name; roles that are read
+_MAX_CHARACTERS, _LONGEST_NAME, _MOST_ROLES = (
+    255,
+    200,
+    20,
+)  # characters of an identifier and of a name; roles that are read
 
 
 class CourseMember(NamedTuple):
@@ -173,7 +177,7 @@ def _member(given: Any) -> CourseMember | None:
 def _identifier(value: Any) -> str:
     """Return an identifier as text, also from a number; else ""."""
     text = str(value) if isinstance(value, int) and not isinstance(value, bool) else value
-    return text if isinstance(text, str) and len(text) <= _LONGEST and text.isprintable() else ""
+    return text if isinstance(text, str) and len(text) <= _MAX_CHARACTERS and text.isprintable() else ""
 
 
 def _line(value: Any) -> str:

@@ -28,8 +28,8 @@ from cutenv.people.classroom.xapi_statements import NoRedirects
 PLATFORMS_FILE = "platforms.toml"
 """Name of the file in the class's folder."""
 _HOST = re.compile(r"[A-Za-z0-9.:\[\]-]+")
-_LONGEST, _MOST = 255, 100  # characters of an identifier, as LTI has it; entries of a list
-_WITHIN, _LARGEST = 10.0, 256 * 1024  # [s] and [bytes] of an answer
+_MAX_CHARACTERS, _MAX_ENTRIES = 255, 100  # characters of an identifier, as LTI has it; entries of a list
+_WITHIN, _MAX_ANSWER_BYTES = 10.0, 256 * 1024  # [s] and [bytes] of an answer
 _OPENER = urllib.request.build_opener(NoRedirects)
 
 
@@ -106,15 +106,15 @@ def _check_text(field: str, value: Any, *, needed: bool) -> None:
         raise TypeError(f"{field} must be a text, got {value!r}. Put it between quotation marks.")
     if needed and not value:
         raise ValueError(f"{field} is missing. Copy it from the platform's page of the registration.")
-    if len(value) > _LONGEST or not (value.isprintable() and value == value.strip()):
+    if len(value) > _MAX_CHARACTERS or not (value.isprintable() and value == value.strip()):
         raise ValueError(
-            f"{field} = {value!r} has characters that no identifier has, or more than {_LONGEST}. Shorten it."
+            f"{field} = {value!r} has characters that no identifier has, or more than {_MAX_CHARACTERS}. Shorten it."
         )
 
 
 def _check_list(field: str, value: Any) -> None:
-    if not isinstance(value, tuple) or len(value) > _MOST:
-        raise TypeError(f'{field} must be a list of up to {_MOST} texts, got {value!r}. Write it such as ["1"].')
+    if not isinstance(value, tuple) or len(value) > _MAX_ENTRIES:
+        raise TypeError(f'{field} must be a list of up to {_MAX_ENTRIES} texts, got {value!r}. Write it such as ["1"].')
     for each in value:
         _check_text(field, each, needed=True)
 
@@ -242,8 +242,10 @@ def asked(url: str, content: bytes | None = None, headers: Mapping[str, str] | N
             found = b""
             while part := answer.read1(65_536):
                 found += part
-                if len(found) > _LARGEST:
-                    raise PlatformUnreachable(f"{without_query(url)} answers with more than {_LARGEST // 1024} kB")
+                if len(found) > _MAX_ANSWER_BYTES:
+                    raise PlatformUnreachable(
+                        f"{without_query(url)} answers with more than {_MAX_ANSWER_BYTES // 1024} kB"
+                    )
                 if time.monotonic() > ends:
                     raise PlatformUnreachable(f"{without_query(url)} takes longer than {_WITHIN:g} s to answer")
             return found, answer.headers

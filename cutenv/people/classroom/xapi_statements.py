@@ -88,7 +88,7 @@ class StatementQueue:
 XAPI_VERSION = "1.0.3"
 """Version of the Experience API whose rules the statements keep."""
 _VERBS, _ACTIVITIES = "http://adlnet.gov/expapi/verbs/", "http://adlnet.gov/expapi/activities/"
-_EVERY, _SLOWEST = 2.0, 600.0  # [s] between two looks at the queue; at most so long after failures
+_EVERY, _MAX_WAIT = 2.0, 600.0  # [s] between two looks at the queue; at most so long after failures
 _ANSWERS_WITHIN = 20.0  # [s]
 _AT_ONCE = 50
 _REFUSED_FOR_GOOD = (400, 413, 422)  # what another attempt would not change
@@ -128,7 +128,7 @@ class Courier:
             if trouble and trouble != self.trouble:
                 print(f"note: learning record store: {trouble}; it is tried again", file=sys.stderr, flush=True)
             self.trouble = trouble
-            wait = min(2 * wait, _SLOWEST) if trouble else _EVERY
+            wait = min(2 * wait, _MAX_WAIT) if trouble else _EVERY
 
     def deliver(self) -> str:
         """Deliver what is due; return what prevented the rest, or ""."""

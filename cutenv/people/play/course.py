@@ -60,7 +60,7 @@ SHIPPED_COURSES = {path.stem: path for path in sorted(resources.path("courses").
 WARM_UP = "(warm-up)"
 """Name under which warm-up cuts are recorded; no task of a course is called so."""
 _SCORE = "overall_score"
-_LONGEST = 200  # characters of a name or an explanation
+_MAX_CHARACTERS = 200  # characters of a name or an explanation
 _MOST_SEED = 2**31 - 1
 
 
@@ -312,8 +312,8 @@ def _text(key: str, given: Mapping[str, Any], default: str | None = None) -> str
     value = given.get(key, default)
     if value is None:
         raise ValueError(f'{key} is missing. Write {key} = "..." above.')
-    if not isinstance(value, str) or (not value.strip() and default is None) or len(value) > _LONGEST:
-        raise ValueError(f"{key} = {value!r} must be a text of 1 to {_LONGEST} characters.")
+    if not isinstance(value, str) or (not value.strip() and default is None) or len(value) > _MAX_CHARACTERS:
+        raise ValueError(f"{key} = {value!r} must be a text of 1 to {_MAX_CHARACTERS} characters.")
     return value.strip()
 
 

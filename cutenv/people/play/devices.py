@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from cutenv._base.validation import in_range
-from cutenv.people.play.hand_model import FASTEST
+from cutenv.people.play.hand_model import MAX_HAND_SPEED
 from cutenv.people.play.haptics import Stylus
 from cutenv.sim.cutting.dtypes import TICK
 from cutenv.sim.cutting.law import grid_index, lerp
@@ -155,7 +155,7 @@ class GamepadDevice(LedHand):
         """
         along, across = _beyond_slack("stick", stick), -_beyond_slack("sideways", sideways)
         # The size of the deflection leaves room for slow cuts near the middle.
-        size = FASTEST * min(math.hypot(along, across), 1.0)
+        size = MAX_HAND_SPEED * min(math.hypot(along, across), 1.0)
         self.velocity, self._second = (size * along, size * across), _beyond_slack("second", second)
         pulled = in_range("trigger", trigger, 0.0, 1.0, "1", "Put an axis of -1 to 1 to 0 to 1.")
         self.angle = _UPRIGHT - pulled * (_UPRIGHT - INCLINED)
@@ -223,7 +223,7 @@ def simple_hand(
     Without a line it goes straight on.
     """
     in_range("target", target, 0.005, TRAVEL, "m", "Lengths are in metres: 80 mm is 0.08.")
-    in_range("speed", speed, 1e-4, FASTEST, "m/s", "Speeds are in m/s: 1.27 cm/s is 0.0127.")
+    in_range("speed", speed, 1e-4, MAX_HAND_SPEED, "m/s", "Speeds are in m/s: 1.27 cm/s is 0.0127.")
     farthest = min(target + lead, TRAVEL)
     there = farthest / speed
     back = 0.050

@@ -14,7 +14,7 @@ from cutenv.task.path import TURN_SCALE
 PLAYED_HAND = Hand(motor_lag=0.020, acceleration=2.0)
 """Hand that is quicker than a simulated person's (80 ms, 0.5 m/s2): the real person in front adds a lag."""
 
-FASTEST = SPEED_SCALE
+MAX_HAND_SPEED = SPEED_SCALE
 """Greatest speed of the hand [m/s]: the fastest measured, and an agent's action 1. The blade may lurch faster."""
 _TURN_GAIN = 8.0  # rate of turn over the sine of the angle from the blade to a place [1/s]
 _NEAR = 0.001  # [m], a millimetre: less than the hand is behind what leads it, at half its speed
@@ -35,7 +35,7 @@ def speed_toward(target: float, state: Struct, hand: Hand = PLAYED_HAND) -> floa
 def speed_over(left: float, lag: float, acceleration: float) -> float:
     """Return :func:`speed_toward`'s command for ``left`` [m]; compiled."""
     stoppable = math.sqrt(2.0 * acceleration * abs(left))
-    return math.copysign(min(abs(left) / (4.0 * lag), stoppable, FASTEST), left)
+    return math.copysign(min(abs(left) / (4.0 * lag), stoppable, MAX_HAND_SPEED), left)
 
 
 @njit_internal

@@ -29,7 +29,7 @@ _PROFILE = "cutenv:play"
 _BUTTONS = {"a": "next", "b": "repeat", "button_0": "next", "button_1": "repeat"}
 _OPEN_WITHIN, _ANSWER_WITHIN = 3.0, 0.010  # [s]
 _MOST_PENDING = 3  # messages without an answer, beyond which no other is sent
-_LONGEST = 1 << 20  # bytes of a message
+_MAX_MESSAGE_BYTES = 1 << 20  # bytes of a message
 
 
 class Inverse3Link:
@@ -47,7 +47,9 @@ class Inverse3Link:
         client = optional_import("websockets.sync.client", "websockets", "A Haply Inverse3", extra="play")
         try:
             self._socket = self._stack.enter_context(
-                client.connect(self._url, open_timeout=_OPEN_WITHIN, max_size=_LONGEST, compression=None, proxy=None)
+                client.connect(
+                    self._url, open_timeout=_OPEN_WITHIN, max_size=_MAX_MESSAGE_BYTES, compression=None, proxy=None
+                )
             )
             inventory = self._socket.recv(timeout=_OPEN_WITHIN)
         except (OSError, TimeoutError, EOFError) as error:

@@ -129,7 +129,7 @@ def read_numpy(path: Path, names: Collection[str] = ()) -> NamedColumns:
 
 _VERSION_7_3 = b"MATLAB 7.3"
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-_DEEPEST = 8  # structures in structures
+_MAX_NESTING = 8  # structures in structures
 _LABCHART = {"data", "datastart", "dataend", "titles", "samplerate"}
 
 
@@ -155,7 +155,7 @@ def _variables(path: Path, notes: list[str]) -> dict[str, Any]:
 
 def _plain(name: str, value: Any, notes: list[str], depth: int = 0) -> Any:
     """Return scipy's variable as numbers, text lists or mapping, else None."""
-    if type(value).__name__ in ("MatlabOpaque", "MatlabFunction") or depth > _DEEPEST:
+    if type(value).__name__ in ("MatlabOpaque", "MatlabFunction") or depth > _MAX_NESTING:
         return _object(name, notes)
     if not isinstance(value, np.ndarray):
         return np.asarray(value)
@@ -193,7 +193,7 @@ def _hdf5_variables(path: Path, notes: list[str]) -> dict[str, Any]:
 
 
 def _hdf5_plain(h5py: Any, name: str, item: Any, notes: list[str], depth: int = 0) -> Any:
-    if "MATLAB_object_decode" in item.attrs or depth > _DEEPEST:
+    if "MATLAB_object_decode" in item.attrs or depth > _MAX_NESTING:
         return _object(name, notes)
     if isinstance(item, h5py.Group):
         return {key: _hdf5_plain(h5py, f"{name}.{key}", item[key], notes, depth + 1) for key in item}

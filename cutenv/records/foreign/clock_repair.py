@@ -14,7 +14,7 @@ from cutenv.records.foreign.named_columns import RowNumbers
 
 _DAY, _HALF, _HOUR = 86_400.0, 43_200.0, 3600.0  # [s]
 _LATE = 8  # readings by which one may come out of order
-_FEW = 0.02  # share of repeated times that are repeated readings, not a coarse clock
+_MAX_REPEATED_SHARE = 0.02  # share of repeated times that are repeated readings, not a coarse clock
 
 
 class ClockStretch(NamedTuple):
@@ -93,7 +93,7 @@ def _spread(time: Array, notes: list[str]) -> tuple[RowNumbers, Array]:
     starts = np.flatnonzero(first)
     n_repeated = np.count_nonzero(~first)
     before_trigger = len(starts) > 1 and n_repeated == starts[1] - 1  # the first time alone repeats
-    if n_repeated <= max(_FEW * len(time), 1) or len(starts) < 3 or before_trigger:
+    if n_repeated <= max(_MAX_REPEATED_SHARE * len(time), 1) or len(starts) < 3 or before_trigger:
         return starts, time[starts]
     counts = np.diff(np.append(starts, len(time)))
     ticks = time[starts]

@@ -22,8 +22,8 @@ _REST = 0.2  # [s] of rest that is kept at most: twice what shows it
 _ABOVE_NOISE = 5.0  # standard deviations: one false contact in 3 million
 _SHARE = 0.02  # share of the largest force that counts as contact in a record without newtons
 _LEVEL = 0.2  # share of the contact force by which the two halves of a quiet start may differ
-_FEWEST = 10  # least number of readings for a zero
-_SHORTEST = 0.1  # [s] under force: a knock on the table is not a cut
+_MIN_ZERO_READINGS = 10  # least number of readings for a zero
+_MIN_CONTACT = 0.1  # [s] under force: a knock on the table is not a cut
 _CALMEST = 0.95  # share of the changes between readings that counts as noise, the others as drops
 _CALMEST_SD = 0.871  # standard deviation of the calmest 95 % of normal numbers
 
@@ -98,7 +98,7 @@ def find_tare(trace: Trace, search: CutSearch | None = None) -> Tare | None:
     be distinguished from an offset.
     """
     search = search or CutSearch()
-    least = max(_FEWEST, _readings(trace, search.quiet))
+    least = max(_MIN_ZERO_READINGS, _readings(trace, search.quiet))
     if len(trace) < 2 * least:
         return None
     contact = contact_level(trace, search)
@@ -149,7 +149,7 @@ def find_cuts(trace: Trace, search: CutSearch | None = None) -> list[FoundCut]:
         here = slice(int(stretch[0]), int(stretch[-1]) + 1)
         under_force = stretch[loaded[stretch]]
         lasted = len(under_force) * trace.duration / (len(trace) - 1)
-        if not len(under_force) or lasted < _SHORTEST:
+        if not len(under_force) or lasted < _MIN_CONTACT:
             continue
         if not (loaded & forward)[here].any():
             if found:

@@ -134,7 +134,7 @@ SILENCE = 5.0  # time without a sample after which a stream is over [s]
 _UNITS = {"newton": "N", "newtons": "N", "millimeters": "mm", "millimetres": "mm", "meters": "m", "metres": "m"}
 _SECOND_LOOK = 0.3  # [s] for a second stream of the same name
 _CHUNK = 0.2  # [s] of waiting for samples at a time
-_LEAST = 2  # readings of a record
+_MIN_READINGS = 2  # readings of a record
 
 
 class LslInlet:
@@ -243,7 +243,7 @@ def record_stream(
     finally:
         if record is not None:
             record.close({"stream_end": end})
-    if count < _LEAST:
+    if count < _MIN_READINGS:
         raise RecordError(path, f"stream {inlet.name!r} sent {count} samples, no record. Start its source first.")
     return count
 

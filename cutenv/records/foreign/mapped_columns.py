@@ -31,7 +31,7 @@ _CUT_WAY = (5e-3, 0.15)  # [m] of most cuts
 _TIMES = ("s", "ms", "us", "ns", "d", "min", "h")
 _WAYS = ("mm", "m", "cm", "um", "in")
 _EPOCHS = {"s": 1e9, "ms": 1e12, "us": 1e15, "ns": 1e18}  # of times since 1970, within a factor of three
-_FEWEST = 20  # readings that show a unit, or what is impossible
+_MIN_READINGS = 20  # readings that show a unit, or what is impossible
 
 
 def usual_step(time: Array) -> float:
@@ -52,7 +52,7 @@ def time_units(cells: CellValues) -> tuple[str, ...]:
         return ("s",)
     known = cells.values[np.isfinite(cells.values)]
     step, length = usual_step(known), float(np.ptp(known)) if len(known) else 0.0
-    if len(known) < _FEWEST:
+    if len(known) < _MIN_READINGS:
         return ("s",)
     if not step:
         return ()
@@ -76,7 +76,7 @@ def way_units(values: Array) -> tuple[str, ...]:
     """Return possible length units of a blade's way, the likeliest first."""
     known = values[np.isfinite(values)]
     way = float(np.ptp(known)) if len(known) else 0.0
-    if len(known) < _FEWEST:
+    if len(known) < _MIN_READINGS:
         return ("m",)
     good = [unit for unit in _WAYS if _USUAL_WAY[0] <= way * UNITS["position"][unit] <= _USUAL_WAY[1]]
     good.sort(key=lambda unit: not _CUT_WAY[0] <= way * UNITS["position"][unit] <= _CUT_WAY[1])
@@ -86,7 +86,7 @@ def way_units(values: Array) -> tuple[str, ...]:
 _Mask = NDArray[np.bool_]
 
 STAMP = "stamp"  # name of the column with the time of a reading
-_LARGEST = 1e12  # a greater value is not a reading, in any unit
+_MAX_READING = 1e12  # a greater value is not a reading, in any unit
 _SPARSE = 0.05  # share of empty cells above which a column is slower than the others, not damaged
 _SPIKE, _SPIKE_NOISE = 1.5, 30.0  # ranges of the record, and noises, beyond which one reading alone is impossible
 _FEW_SPIKES = 0.005  # share of the readings; more are a fault of the sensor, and stay for the quality check
@@ -330,7 +330,7 @@ def columns_in_si(
         else:
             values = expression.sign * np.column_stack([table.values(place) for place in places])
         if field != "time":
-            values = np.where(np.abs(values) <= _LARGEST, values, np.nan)
+            values = np.where(np.abs(values) <= _MAX_READING, values, np.nan)
         columns[field] = column_of(field, unit).to_si(values)
     return columns, force_unit
 
@@ -431,7 +431,7 @@ def _without_spikes(
 ) -> RowNumbers:
     """Leave out single readings impossible for a sensor between their neighbours."""
     for field in ("force", "position"):
-        if field not in columns or len(kept) < _FEWEST:
+        if field not in columns or len(kept) < _MIN_READINGS:
             continue
         odd: _Mask = np.zeros(len(kept), dtype=bool)
         for component in columns[field].T:
@@ -463,7 +463,7 @@ def spikes(values: Array) -> _Mask:
 
 
 def _check_rate(table: NamedColumns, time: Array | None) -> None:
-    if time is None or len(time) < _FEWEST:
+    if time is None or len(time) < _MIN_READINGS:
         return
     step = usual_step(time)
     if step and 1.0 / step > GREATEST_RATE:

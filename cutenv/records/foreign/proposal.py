@@ -71,7 +71,7 @@ _WANTED = {
 _OTHER_FORCE_UNITS = ("N", "mN", "kN", "gf", "kgf", "lbf", "1")
 _FEWEST_TICKS = 4  # different times of a coarse clock that show its step
 _USUAL_FORCE = (0.02, 500.0)  # [N]
-_FEWEST = 20  # readings in which a sign or the only rising column shows
+_MIN_READINGS = 20  # readings in which a sign or the only rising column shows
 _LEAST_WAY = 2e-3  # [m] of a column that is a way rather than a depth
 _FEWEST_COUNTS = 1000.0  # range of whole numbers that may be those of a converter
 _HEADER_SHARE = 0.1  # share of the rows beside which an old oscilloscope writes its header
@@ -236,7 +236,7 @@ class _Columns:
             if not self.rises(k) and len(values) > 2:
                 continue
             distinct = len(np.unique(values)) / len(values)
-            if distinct * len(values) < _FEWEST_TICKS and len(values) >= _FEWEST:
+            if distinct * len(values) < _FEWEST_TICKS and len(values) >= _MIN_READINGS:
                 continue
             rank = 2.0 * (distinct > 0.9) + distinct + (0.4 if quantity == "time" else 0.2 if dated else 0.0)
             ranked.append((rank, -k))
@@ -249,7 +249,7 @@ class _Columns:
         free = [k for k in range(self.n) if self.filled[k] and not self.quantity(k) and not self.is_counter(k)]
         free = [k for k in free if not {*self.words[k]} & (_FORCES | _TIMES | {*_WAYS} | _DEPTHS)]
         risen = [k for k in free if self.rises(k) and bool((np.diff(self.known(k)) >= 0.0).all())]
-        if len(self.table) < _FEWEST:
+        if len(self.table) < _MIN_READINGS:
             return risen[0] if risen else None
         steady = [k for k in risen if bool((np.diff(self.known(k)) > 0.0).mean() > 0.9)]  # a way rests at its ends
         risen = steady if len(steady) == 1 else risen
@@ -339,7 +339,7 @@ class _Columns:
             )
             return
         self.items["time"] = name if units[0] == "s" else f"{name}[{units[0]}]"
-        if self.goes_by_one(time) and len(self.table) >= _FEWEST and not _TIMES.intersection(self.words[time]):
+        if self.goes_by_one(time) and len(self.table) >= _MIN_READINGS and not _TIMES.intersection(self.words[time]):
             self.ask(
                 "time",
                 f"Is {self.table.header(time)!r}, which counts by one, a time?",
@@ -349,7 +349,7 @@ class _Columns:
     def rate(self, time: int, unit: str) -> float:
         """Return a time column's rate [Hz], 0 without step."""
         step = usual_step(self.cells[time].values) * UNITS["time"][unit]
-        if len(self.table) < _FEWEST:
+        if len(self.table) < _MIN_READINGS:
             return LEAST_RATE
         return 1.0 / step if step else 0.0
 
@@ -407,7 +407,7 @@ class _Columns:
         """
         values = self.known(force)
         span = float(np.ptp(values))
-        if len(values) >= _FEWEST and span > _FEWEST_COUNTS and bool((values % 1.0 == 0.0).all()):
+        if len(values) >= _MIN_READINGS and span > _FEWEST_COUNTS and bool((values % 1.0 == 0.0).all()):
             return None
         good = [unit for unit in ("N", "mN", "kN") if _USUAL_FORCE[0] <= span * UNITS["force"][unit] <= _USUAL_FORCE[1]]
         return good[0] if good else "N"
@@ -437,7 +437,7 @@ class _Columns:
         values = self.known(k)
         steps = np.diff(values)
         span = float(np.ptp(values))
-        return len(values) >= _FEWEST and bool(
+        return len(values) >= _MIN_READINGS and bool(
             abs(values[-1] - values[0]) > 0.5 * span > 20.0 * np.median(np.abs(steps))
         )
 
@@ -467,7 +467,7 @@ class _Columns:
     def counts_down(self, force: int) -> bool:
         """Return whether a force is negative under load, as in compression."""
         values = self.known(force)
-        if len(values) < _FEWEST:
+        if len(values) < _MIN_READINGS:
             return False
         low, high = (float(np.quantile(values, share)) for share in (0.002, 0.998))
         if low < 0.0 and high < 0.15 * -low:
@@ -536,7 +536,9 @@ class _Columns:
         values = self.known(k)
         size = UNITS["position"][self.table.unit(k, "position") or "m"]
         way = float(np.ptp(values))
-        return len(values) >= _FEWEST and way * size > _LEAST_WAY and way > 20.0 * np.median(np.abs(np.diff(values)))
+        return (
+            len(values) >= _MIN_READINGS and way * size > _LEAST_WAY and way > 20.0 * np.median(np.abs(np.diff(values)))
+        )
 
     def ask_unknown_way(self, force: int) -> None:
         """Ask for the unit of a position in an unknown one."""
@@ -560,7 +562,7 @@ class _Columns:
         """Return whether a way counts toward the clamp under force."""
         position, acting = self.cells[way].values, self.cells[force].values
         known = np.isfinite(position)
-        if np.count_nonzero(known) < _FEWEST:
+        if np.count_nonzero(known) < _MIN_READINGS:
             return False
         if not known.all():  # a slower column
             position = np.interp(np.arange(len(position)), np.flatnonzero(known), position[known])

@@ -26,7 +26,7 @@ from cutenv.records.schema import RecordError, reason_of, refusing_damage
 BAGS = (".mcap", ".bag", ".db3", ".active")
 """Suffixes of bags: MCAP, ROS 1, ROS 2 in SQLite, and a ROS 1 bag whose recorder was killed (``.bag.active``)."""
 _FILES = (".mcap", ".db3")  # in the folder of a bag
-_LARGEST = 1 << 31  # bytes of a record, so that a damaged length does not request all memory
+_MAX_RECORD_BYTES = 1 << 31  # bytes of a record, so that a damaged length does not request all memory
 _MAGIC, _MAGIC_1 = b"\x89MCAP0\r\n", b"#ROSBAG V2.0\n"
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 2, 3, 4, 5, 6  # operation codes of MCAP
 _MESSAGE_1, _CHUNK_1, _CONNECTION_1 = 2, 5, 7  # those of ROS 1
@@ -102,7 +102,7 @@ def _mcap_records(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
     """Yield every record's operation code and content, the last perhaps partial."""
     while len(head := file.read(9)) == 9:
         code, length = struct.unpack("<BQ", head)
-        body = file.read(min(length, _LARGEST))
+        body = file.read(min(length, _MAX_RECORD_BYTES))
         if len(body) == length or code == _CHUNK:
             yield code, body
         if len(body) < length:
@@ -170,11 +170,11 @@ def _ros1_records(file: BinaryIO) -> Iterator[tuple[dict[str, bytes], bytes]]:
     """Yield every record's header and content, the last perhaps partial."""
     while len(length := file.read(4)) == 4:
         (size,) = struct.unpack("<I", length)
-        header, length = file.read(min(size, _LARGEST)), file.read(4)
+        header, length = file.read(min(size, _MAX_RECORD_BYTES)), file.read(4)
         if len(header) < size or len(length) < 4:
             return
         (size,) = struct.unpack("<I", length)
-        body, fields = file.read(min(size, _LARGEST)), _ros1_fields(header)
+        body, fields = file.read(min(size, _MAX_RECORD_BYTES)), _ros1_fields(header)
         if len(body) == size or fields.get("op") == bytes([_CHUNK_1]):
             yield fields, body
         if len(body) < size:

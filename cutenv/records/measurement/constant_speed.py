@@ -15,7 +15,7 @@ from cutenv._base.validation import in_range
 from cutenv.sim.trace import Trace
 
 STEADY_FROM = 0.98  # share of the desired speed from which the blade counts as moving steadily
-_FEWEST = 20  # readings of a steady motion
+_MIN_READINGS = 20  # readings of a steady motion
 _NAME = "speed_tracking"
 
 
@@ -83,7 +83,7 @@ def speed_tracking(trace: Trace, speed: float) -> SpeedTracking:
     (position,) = trace.require("position", by=_NAME)
     actual = trace.blade_speed if trace.speed is None else trace.speed
     reached = np.flatnonzero(actual >= STEADY_FROM * speed)
-    if len(reached) < _FEWEST:
+    if len(reached) < _MIN_READINGS:
         raise ValueError(
             f"the blade reached {100 * STEADY_FROM:g} % of the desired {100 * speed:.4g} cm/s in {len(reached)} "
             f"readings only; its greatest speed is {100 * actual.max():.4g} cm/s. Give the speed that was commanded."

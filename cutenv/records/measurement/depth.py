@@ -26,7 +26,7 @@ WANTED_DEPTH_KEY = "wanted_depth_m"
 LAYER_DEPTH_KEY = "layer_depth_m"
 """Key in a record's metadata for the depth below the surface at which another layer begins [m]."""
 _LARGEST_SD = 0.02  # [m]
-_DEEPEST = 0.1  # [m]
+_MAX_DEPTH = 0.1  # [m]
 _STRAIGHT = 1e-9  # change of the slope that is rounding
 
 
@@ -106,7 +106,7 @@ def with_blade_depth(trace: Trace) -> Trace:
     """
     if trace.height is None or trace.depth is None:
         return trace
-    return dataclasses.replace(trace, depth=np.clip(trace.depth - trace.height, 0.0, _DEEPEST))
+    return dataclasses.replace(trace, depth=np.clip(trace.depth - trace.height, 0.0, _MAX_DEPTH))
 
 
 def fit_bulge(profiles: Sequence[DepthProfile], first: Sequence[float]) -> dict[str, float]:

@@ -26,7 +26,7 @@ from cutenv.sim.quantities import MEASURABLE_DEPTH
 from cutenv.sim.tissue.cut_model import CutModel
 from cutenv.sim.trace import Trace
 
-_FEWEST, _PARTS = 30, 4  # readings, or a quarter of the ramp, fitted for the force at its end
+_MIN_READINGS, _PARTS = 30, 4  # readings, or a quarter of the ramp, fitted for the force at its end
 _BEYOND = 3  # bins after a ramp's end within which the force must have fallen
 _STEPS = 3  # fixed-point iterations for the tip at a hilltop
 
@@ -143,7 +143,7 @@ def hilltops(elastic: Trace, ramps: list[Segment]) -> list[Hilltop | None]:
         middle, slope, speed = ramp.require("position", "slope", "speed", by="hilltops")
         end = ramp.stop - 1
         # The ramp of an uneven tissue is bent: its last part determines where it ends.
-        last = slice(max(ramp.start, ramp.stop - max(_FEWEST, (ramp.stop - ramp.start) // _PARTS)), ramp.stop)
+        last = slice(max(ramp.start, ramp.stop - max(_MIN_READINGS, (ramp.stop - ramp.start) // _PARTS)), ramp.stop)
         from_here, F_last = position[last] - position[end], F[last]
         rise = float((from_here - from_here.mean()) @ F_last / ((from_here - from_here.mean()) @ from_here))
         force = float(F_last.mean()) - rise * float(from_here.mean())

@@ -34,7 +34,7 @@ from cutenv.sim.tissue.slab import effective_depth
 
 FEWEST_TOUCHED = 2  # smallest number of sections that open a layer, below which nothing is said of it
 _TOUCHED = 0.03  # share of a section's area in a layer from which on it is opened
-_WIDEST = 10.0  # ratio of an interval's ends from which on a number is not identified
+_MAX_INTERVAL_RATIO = 10.0  # ratio of an interval's ends from which on a number is not identified
 _FEWEST_FREE = 3  # degrees of freedom
 _STEP, _MARGIN = 0.25e-3, 0.5e-3  # [m] of the search for the boundary, and from the least and the greatest depth
 _CHANCE = 1e-3  # probability of so good a fit by chance, below which a layer whose place is not known is believed
@@ -138,7 +138,7 @@ def fit_layers(
     if "boundary" in free:
         free, fixed["boundary"] = _searched(known, free, fixed, why)
     solved = _solved(known, free, fixed)
-    for name in [each for each in free if each != "boundary" and solved.width(each) > _WIDEST]:
+    for name in [each for each in free if each != "boundary" and solved.width(each) > _MAX_INTERVAL_RATIO]:
         why[name] = f"its interval spans a factor of {solved.width(name):.0f}: the records do not tell it"
     kept = [name for name in free if name not in why]
     if not [name for name in kept if name.startswith("deep")]:

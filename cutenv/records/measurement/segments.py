@@ -33,7 +33,7 @@ STRAIGHT_RAMP = 0.75
 
 STEADY_SHARE = 0.3  # largest relative change of speed over a ramp that counts as steady
 _AVERAGED = 10  # readings, whose means show correlated noise
-_FEWEST = 3  # smallest number of bins left of a ramp
+_MIN_BINS = 3  # smallest number of bins left of a ramp
 _INNER_QUANTILES = (0.05, 0.95)
 _NORMAL_MEDIAN = 0.6745  # of the absolute value of a standard normal number
 
@@ -267,7 +267,7 @@ def _segments_of(trace: Trace, stroke: Stroke, smallest_drop: float, smoothing_r
     ramps = turning_points(smooth, smallest_drop)
     found = []
     for i, (valley, hilltop) in enumerate(ramps):
-        if hilltop - valley - 1 < _FEWEST:
+        if hilltop - valley - 1 < _MIN_BINS:
             continue
         after = ramps[i + 1][0] if i + 1 < len(ramps) else hilltop + int(np.argmin(smooth[hilltop:]))
         drop = float(smooth[hilltop] - smooth[after])

@@ -13,7 +13,7 @@ from scipy.special import erf, ndtr
 from cutenv._base.arrays import Array
 
 NOISE_BLOCK = 0.2  # time over which the zero is assumed constant [s]
-_FEWEST = 25  # blocks
+_MIN_BLOCKS = 25  # blocks
 _FINE = 0.5  # [1] ratio to the spread, below which a step has no effect
 _DUST = 1e-9  # [1] share of the readings' span, which is only rounding of equal readings
 _CLEAR = 2.0  # standard errors that a drift must exceed
@@ -59,9 +59,9 @@ def sensor_at_rest(force: Array, rate: float) -> SensorAtRest | None:
     """
     size = round(NOISE_BLOCK * rate)
     blocks = len(force) // size
-    if blocks < _FEWEST:
+    if blocks < _MIN_BLOCKS:
         raise ValueError(
-            f"{len(force) / rate:.1f} s of readings are too few: give {_FEWEST * NOISE_BLOCK:g} s or more."
+            f"{len(force) / rate:.1f} s of readings are too few: give {_MIN_BLOCKS * NOISE_BLOCK:g} s or more."
         )
     levels = np.unique(force)
     steps = np.diff(levels)

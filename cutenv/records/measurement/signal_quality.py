@@ -33,14 +33,14 @@ UNEVEN_STEP, UNEVEN_SHARE = 0.5, 0.05
 """Limits of an irregular clock: more than 5 % of the steps differ from the usual one by more than half of it."""
 
 SPEED_ERROR = 0.25  # relative difference between speed and change of position, beyond that of commanded speeds and lags
-_FEW = 20  # readings, and [ms] at 1 kHz, that may be equal in any record
+_MAX_EQUAL_READINGS = 20  # readings, and [ms] at 1 kHz, that may be equal in any record
 _FLICKER = 0.4  # share of readings at which the force turns, above which noise covers the resolution
 _COVERED = 2.0  # standard deviations of noise over resolution above which the force counts as continuous
 _CAUTION = 0.6  # factor on the estimated noise, which is largest where it straddles a level
-_FARTHEST = 3.7  # standard deviations of the largest of 10,000 normal numbers
+_MAX_DEVIATIONS = 3.7  # standard deviations of the largest of 10,000 normal numbers
 _STEEPER = 4.0  # duration of a flat top over that of the rise before it: loading slows down by 2.5 at most
 _LEVELS = 3.0  # height of that rise, in resolutions
-_FEWEST = 5  # equal readings that can be a flat top
+_MIN_FLAT_READINGS = 5  # equal readings that can be a flat top
 _NOISE_FREE = 0.05  # largest share of readings at which a force without noise turns
 _PULL = 3.0  # ratio of lowest to highest force at which the force counts as reversed
 _RISES = 2  # rises of force before a run that distinguish a cut from friction alone, which rises once
@@ -239,7 +239,7 @@ def _ends(where: Mask) -> tuple[int, int]:
 
 def _stuck(trace: Trace, signal: _Signal) -> list[QualityIssue]:
     """Find equal runs longer than noise or a cut allows."""
-    few = max(_FEW, round(_FEW * 1e-3 * trace.sample_rate))
+    few = max(_MAX_EQUAL_READINGS, round(_MAX_EQUAL_READINGS * 1e-3 * trace.sample_rate))
     if signal.is_continuous:
         by_noise = float(few)
     else:
@@ -292,7 +292,7 @@ def _clipping(trace: Trace, signal: _Signal) -> list[QualityIssue]:
     for extreme in (float(trace.force.max()), float(trace.force.min())):
         if abs(extreme) <= signal.zero:
             continue
-        runs = np.flatnonzero((trace.force[signal.starts] == extreme) & (signal.lengths >= _FEWEST))
+        runs = np.flatnonzero((trace.force[signal.starts] == extreme) & (signal.lengths >= _MIN_FLAT_READINGS))
         flat = np.union1d(
             _tops_beyond_noise(trace, signal, runs),
             _tops_beyond_slope(trace, signal, runs, math.copysign(1.0, extreme)),
@@ -317,10 +317,10 @@ def _tops_beyond_noise(trace: Trace, signal: _Signal, runs: NDArray[np.intp]) ->
     if signal.turning < _NOISE_FREE:
         return runs[:0]
     if signal.is_continuous:
-        longest = float(_FEWEST)
+        longest = float(_MIN_FLAT_READINGS)
     else:
-        repeats = float(ndtr(1.0 / signal.noise - _FARTHEST))
-        longest = signal.longest_chance(repeats, len(trace), _FEWEST)
+        repeats = float(ndtr(1.0 / signal.noise - _MAX_DEVIATIONS))
+        longest = signal.longest_chance(repeats, len(trace), _MIN_FLAT_READINGS)
     runs = runs[signal.lengths[runs] >= longest]
     if trace.position is None:
         return runs

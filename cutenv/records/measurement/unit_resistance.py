@@ -23,7 +23,7 @@ from cutenv.sim.trace import Trace
 
 _BIN = 0.1e-3  # [m] of travel
 _TURNING = 0.3e-3  # [m] next to the turn, where the blade changes its speed and friction its sign
-_FEWEST = 5  # smallest number of bins of a line
+_MIN_BINS = 5  # smallest number of bins of a line
 _LOADED = 0.15  # share of the elastic force at the turn below which the line may have ended at the tip
 
 
@@ -160,7 +160,7 @@ def _probes(trace: Trace, position: Array, moved: list[Stroke]) -> list[_Probe]:
         low, high = float(position[stroke.stop - 1]), float(position[turn]) - _TURNING
         top = float(position[again.samples].max())
         places = np.arange(low + _TURNING, min(high, top), _BIN)
-        if len(places) < _FEWEST:
+        if len(places) < _MIN_BINS:
             continue
         down, up = (_force_at(places, trace, position, part) for part in (stroke, again))
         there = np.flatnonzero(position[again.samples] >= position[turn])
@@ -181,10 +181,10 @@ def _force_at(places: Array, trace: Trace, position: Array, stroke: Stroke) -> A
 def _unloaded(probe: _Probe, position: Array) -> _Unloaded | None:
     """Return a probe's tip and stored energy, None without load."""
     x, F = probe.position, probe.mean
-    loaded = F > _LOADED * float(F[-_FEWEST:].mean())
+    loaded = F > _LOADED * float(F[-_MIN_BINS:].mean())
     first = len(F) - int(np.argmin(loaded[::-1])) if not loaded.all() else 0
     x, F = x[first:], F[first:]
-    if len(x) < _FEWEST or float(F[-_FEWEST:].mean()) < SMALLEST_DROP:
+    if len(x) < _MIN_BINS or float(F[-_MIN_BINS:].mean()) < SMALLEST_DROP:
         return None
     K, F0 = np.polyfit(x - x[-1], F, 1)
     if K <= 0.0:

@@ -17,7 +17,7 @@ from cutenv.sim.trace import Trace
 
 USED_KEY = "blade_used_m"  # key of a record's metadata: length that its blade had cut before [m]
 BLADE_KEY = "blade"  # key of a record's metadata: the blade, such as "7"; records without it are of one blade
-FEWEST = 4  # least number of cuts of a series
+MIN_CUTS = 4  # least number of cuts of a series
 _SURE = 0.95
 
 
@@ -88,7 +88,7 @@ def fit_wear(
     Raises
     ------
     ValueError
-        If there are fewer than :data:`FEWEST` cuts, or too few for so many specimens, or all have the same length.
+        If there are fewer than :data:`MIN_CUTS` cuts, or too few for so many specimens, or all have the same length.
     """
     R = array_in_range("resistance", resistance, 1.0, 1e6, "J/m2", "Liver has some 200.")
     L = array_in_range("used", used, 0.0, 1e3, "m", "Lengths are in metres: 8 cm is 0.08.")
@@ -97,9 +97,9 @@ def fit_wear(
         raise ValueError(f"{len(R)} resistances, {len(L)} lengths and {len(pieces)} specimens: give one of each a cut.")
     kinds = sorted(set(pieces))
     freedom = len(R) - len(kinds) - 1
-    if len(R) < FEWEST or freedom < 2:
+    if len(R) < MIN_CUTS or freedom < 2:
         raise ValueError(
-            f"{len(R)} cuts of {len(kinds)} specimens are too few: a series needs {FEWEST} cuts, and 3 more than "
+            f"{len(R)} cuts of {len(kinds)} specimens are too few: a series needs {MIN_CUTS} cuts, and 3 more than "
             "it has specimens."
         )
     levels = np.array([[float(piece == kind) for kind in kinds] for piece in pieces])

@@ -23,12 +23,12 @@ TARED = "tare_N"
 """Key in a trace's metadata for a tare that was subtracted when the trace was read, or while it was recorded."""
 _RIG_ZERO = "zero_N"  # key for the axes' zeros in air, which a rig has subtracted
 NOTABLE = 0.05  # smallest offset that is reported [N]: the resolution of the thesis's sensor (section 3.1)
-_FEWEST, _SHORTEST = 10, 0.1  # smallest number of readings, and duration [s], of a rest
+_MIN_READINGS, _MIN_REST = 10, 0.1  # smallest number of readings, and duration [s], of a rest
 _BEFORE_MOTION, _AFTER_MOTION = 0.01, 0.05  # [s] of a rest left out: filters look ahead, sensors respond late
 _STANDS = 1e-6  # [m], tolerance of a standing blade's position, if it has no noise
 _NOISE = 5.0  # standard deviations of noise beyond which a change is significant
 _STEADY = 0.02  # [N] by which the halves of a rest may differ, whatever the noise
-_TOLD = 2.0 * NOTABLE  # standard error [N] of a constant on the way back, above which it is not used
+_MAX_OFFSET_ERROR = 2.0 * NOTABLE  # standard error [N] of a constant on the way back, above which it is not used
 _RETURNED = 1e-3  # [m], largest distance from the start at which a blade has come back
 _SHALLOW_SHARE, _SHALLOW = 0.1, 2e-3  # share of the greatest depth, and [m]: friction there is small
 _LET_GO = 0.5  # share of the friction on the way back by which the force must rise where the blade is released
@@ -143,7 +143,7 @@ def _rest(trace: Trace, position: Array, *, at_end: bool) -> slice:
 
 
 def _least(trace: Trace) -> int:
-    return max(_FEWEST, round(_SHORTEST * trace.sample_rate))
+    return max(_MIN_READINGS, round(_MIN_REST * trace.sample_rate))
 
 
 def _mean_at_rest(trace: Trace, rest: slice, *, at_end: bool) -> _Mean | None:
@@ -208,7 +208,7 @@ def _on_the_way_back(trace: Trace) -> float | None:
     The force is 0 if negligible.
     """
     back = fit_return_stroke(trace, DepthProfile.recorded(trace, by="zeroed"), with_offset=True)
-    if back is None or back.offset_error > _TOLD:
+    if back is None or back.offset_error > _MAX_OFFSET_ERROR:
         return None
     if abs(back.offset) > max(NOTABLE, 3.0 * back.offset_error):
         return back.offset

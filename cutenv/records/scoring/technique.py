@@ -34,7 +34,7 @@ LEAD_OUTSIDE = (
     "lead the blade a little outside of a bend, and go slowly there: the cut trails the blade, and cuts corners"
 )
 """Advice for a cut beside its line."""
-_MOST = 3  # number of lurches that are reported
+_MAX_REPORTED = 3  # number of lurches that are reported
 _PAUSE = 0.5  # [s], shortest pause that is reported
 
 
@@ -70,7 +70,7 @@ def _lurches(cut: ScoredCut) -> list[TechniqueFault]:
     jumps = cut.jumps
     n = len(jumps)
     times = cut.time if n == len(cut.time) else float(cut.time[0]) + RUNS_EVERY * np.arange(n)
-    worst = [int(i) for i in np.argsort(jumps)[::-1][:_MOST] if jumps[i] >= LURCH]
+    worst = [int(i) for i in np.argsort(jumps)[::-1][:_MAX_REPORTED] if jumps[i] >= LURCH]
     positions = np.interp(times, cut.time, cut.position)
     return [
         TechniqueFault(

@@ -16,7 +16,7 @@ FLOOR_AT_END = "floor_end_m"
 """Metadata in which a simulator notes the depth of the floor at the end, every 0.5 mm from the clamp to the tip [m]."""
 ASIDE_AT_END = "aside_end_m"
 """Metadata in which a simulator notes how far the cut is to the left of its line at the end, every 0.5 mm [m]."""
-_FARTHEST = 0.5  # [m]
+_MAX_PLACE = 0.5  # [m]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,6 +74,6 @@ def checked_aside(name: str, aside: Any) -> Array:
 def noted_tip(metadata: Mapping[str, Any]) -> float | None:
     """Return the final crack tip noted in metadata [m], or None."""
     noted = metadata.get(TIP_AT_END)
-    if isinstance(noted, int | float) and math.isfinite(noted) and 0.0 <= noted <= _FARTHEST:
+    if isinstance(noted, int | float) and math.isfinite(noted) and 0.0 <= noted <= _MAX_PLACE:
         return float(noted)
     return None

@@ -27,8 +27,8 @@ class Unavailable(ValueError):
 
 LONGEST_RECORD = 3600.0  # longest record that is scored [s]
 _OPEN = 0.015  # [m] behind the furthest point the crack is open: the tip never lags the blade by that much
-_FASTEST = 2.0  # [m/s], the greatest speed of a blade
-_AGAIN = 0.010  # [m] of open crack crossed under force that count as another cut
+_MAX_SPEED = 2.0  # [m/s], the greatest speed of a blade
+_REPEATED_CRACK = 0.010  # [m] of open crack crossed under force that count as another cut
 _LOADED = 0.5  # fraction of the force at the first passage: friction is a fifth, and at most two fifths
 _NOTHING = 0.1  # [N], or 0.05 of the range of force: reading of a sensor without contact
 _EACH_ALONE = ": two cuts in one record. Save each in a file of its own, or number their rows in a column 'cut'"
@@ -87,7 +87,7 @@ def holds_two_cuts(trace: Trace) -> str:
         return ""
     x, F = trace.position, trace.force
     back, usual = -np.diff(x), float(np.median(np.diff(trace.time)))
-    if (restarts := np.flatnonzero(back > max(_OPEN, _FASTEST * usual))).size:
+    if (restarts := np.flatnonzero(back > max(_OPEN, _MAX_SPEED * usual))).size:
         i = int(restarts[0])
         return (
             f"the blade is {1e3 * back[i]:.3g} mm further back from one reading to the next, at "
@@ -104,7 +104,7 @@ def holds_two_cuts(trace: Trace) -> str:
     known = np.isfinite(before) & np.isfinite(after)
     nothing = _NOTHING if trace.force_unit == "N" else 0.05 * float(np.ptp(F))
     loaded = known & (np.nan_to_num(after) > np.maximum(_LOADED * np.nan_to_num(before), nothing))
-    if np.count_nonzero(loaded) * _PLACE < _AGAIN:
+    if np.count_nonzero(loaded) * _PLACE < _REPEATED_CRACK:
         return ""
     place = float(places[np.flatnonzero(loaded)[0]])
     return f"the blade cuts again at {100 * place:.1f} cm, where it had cut before{_EACH_ALONE}"
@@ -329,7 +329,7 @@ _SHARPEST_SMOOTHED = 10.0  # [1/s], sharpness of lurches below which they are no
 _FINE = 1000  # samples a second at which a lurch is looked at closely
 _FALL, _SPEED = 4, 5  # such samples over which the force falls, and over which the largest speed is taken
 _USUAL, _STARTS, _LASTS = 150, 50, 200  # such samples: from when to when before the fall it is usual; of a lurch
-_FEWEST = 3  # lurches by whose median it is told what comes first
+_MIN_LURCHES = 3  # lurches by whose median it is told what comes first
 QUICKNESS = 1.67
 """Largest speed of a lurch over the root of fall and way [1/kg^0.5], of a hand as ``cutenv play`` has it, median."""
 
@@ -384,7 +384,7 @@ def lurches_of(trace: Trace, position: Array, even: Array) -> Lurches:
     if not len(close):
         return Lurches(drops, top, sharpness, None, None)
     slowness = QUICKNESS / float(np.average(close[:, 0], weights=close[:, 2]))
-    early = float(np.median(close[:, 1])) if len(close) >= _FEWEST else None
+    early = float(np.median(close[:, 1])) if len(close) >= _MIN_LURCHES else None
     return Lurches(drops, top, sharpness, slowness, early)
 
 

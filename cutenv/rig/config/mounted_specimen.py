@@ -40,7 +40,7 @@ class MountedSpecimen:
         return Specimen.drawn(self.seed, self.episode, specimen_class=self.specimen_class, tissue=self.tissue)
 
 
-DEEPEST = 0.060
+MAX_DEPTH = 0.060
 """Largest depth of cut allowed in a profile; the smallest is :data:`~cutenv.sim.quantities.SHALLOWEST` [m]."""
 _FIRST = 0.001  # [m] from the clamp, within which a profile has to begin
 _CURE = "Measure the specimen by caliper: depth_profile = [[position_mm, depth_mm], ...], from the clamp on."
@@ -57,7 +57,7 @@ def check_depth_profile(profile: Sequence[tuple[float, float]], reach: float) ->
         raise ValueError(f"depth_profile has {len(profile)} points, and needs 2 or more. {_CURE}")
     position, depth = 1e3 * np.asarray(profile, dtype=np.float64).T  # [mm]
     array_in_range("depth_profile's position", position, -1e3, 1e3, "mm", _CURE)
-    array_in_range("depth_profile's depth", depth, 1e3 * SHALLOWEST, 1e3 * DEEPEST, "mm", _CURE)
+    array_in_range("depth_profile's depth", depth, 1e3 * SHALLOWEST, 1e3 * MAX_DEPTH, "mm", _CURE)
     for i in np.flatnonzero(np.diff(position) <= 0.0)[:1]:
         raise ValueError(
             f"depth_profile goes from {position[i]:g} to {position[i + 1]:g} mm; positions must rise. Sort its points."

@@ -144,7 +144,7 @@ def status_meaning(status: int) -> str:
 
 
 SETTINGS_PATH = "/netftapi2.xml"
-LARGEST = 1 << 20  # greatest size of a page [byte]; a real one has about 4000
+MAX_PAGE_BYTES = 1 << 20  # greatest size of a page [byte]; a real one has about 4000
 
 _COUNTS = (1e-3, 1e12)  # least and greatest number of counts in a unit
 _RATES = (1.0, 1e5)  # [Hz]
@@ -263,13 +263,15 @@ def _fetch(address: str, timeout: float) -> bytes:
         opener.add_handler(handler)
     try:
         with opener.open(address, timeout=timeout) as response:
-            text: bytes = response.read(LARGEST + 1)
+            text: bytes = response.read(MAX_PAGE_BYTES + 1)
     except urllib.error.HTTPError as error:
         raise RigError(f"The force sensor's page {address} is refused: {error}. Is the path {SETTINGS_PATH}?") from None
     except (OSError, HTTPException, ValueError) as error:  # ValueError: an address like http://:x
         raise RigError(f"The force sensor's page {address} cannot be read: {error}. {_CURE}") from None
-    if len(text) > LARGEST:
-        raise RigError(f"The force sensor's page {address} has more than {LARGEST} bytes, which is not a sensor's.")
+    if len(text) > MAX_PAGE_BYTES:
+        raise RigError(
+            f"The force sensor's page {address} has more than {MAX_PAGE_BYTES} bytes, which is not a sensor's."
+        )
     return text
 
 

@@ -17,7 +17,7 @@ from cutenv.sim.cutting.sensor import SensorParameters
 TASK_SPEED = 0.0254  # greatest speed that an action of the tasks commands [m/s]
 FEWEST_DECISIONS = 5.0  # decisions a second below which no policy is worth trying: assumed [Hz]
 _DEADLINE, _ENDING = 30.0, 4.0  # [s] of a cut, of which so much is needed to stop and unload
-_LONGEST, _SHORTEST, _AHEAD = 0.100, 0.060, 0.010  # [m] targets of the tasks, and how far the blade leads the tip
+_MAX_TARGET, _MIN_TARGET, _AHEAD = 0.100, 0.060, 0.010  # [m] targets of the tasks, and how far the blade leads the tip
 _LONGEST_DELAY = next(f.metadata["high"] for f in fields(SensorParameters) if f.name == "force_delay")  # [s]
 _FRAME = 0.002  # [s] of a line or frame, and of the threads
 
@@ -91,12 +91,12 @@ def fits(settings: RigSettings) -> list[Fit]:
     reach = min(speed * (_DEADLINE - _ENDING) - _AHEAD, most)
     enough = rate >= FEWEST_DECISIONS
     slow = f"{rate} decisions a second see their outcome, {FEWEST_DECISIONS:g} are needed"
-    cut = enough and reach >= _SHORTEST
-    why = f"{rate} decisions a second, {1e3 * speed:.1f} mm/s, up to {1e3 * min(reach, _LONGEST):.0f} mm"
+    cut = enough and reach >= _MIN_TARGET
+    why = f"{rate} decisions a second, {1e3 * speed:.1f} mm/s, up to {1e3 * min(reach, _MAX_TARGET):.0f} mm"
     if not enough:
         why = slow
-    elif reach < _SHORTEST:
-        why = f"in 30 s it cuts {1e3 * max(reach, 0.0):.0f} mm, and targets begin at {1e3 * _SHORTEST:g} mm"
+    elif reach < _MIN_TARGET:
+        why = f"in 30 s it cuts {1e3 * max(reach, 0.0):.0f} mm, and targets begin at {1e3 * _MIN_TARGET:g} mm"
     free = settings.angle is not None
     lifts, aside = settings.height is not None, settings.side is not None
     fast = speed >= 0.98 * TASK_SPEED / MARGIN

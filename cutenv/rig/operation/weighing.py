@@ -18,7 +18,7 @@ from cutenv.rig.plant import RigPlant
 
 GRAVITY = 9.80665  # standard gravity [m/s2]; the local one differs by up to 0.3 %
 LISTENED = 2.0  # time over which readings are averaged for each weight [s]
-_FEWEST = 10  # readings of a mean
+_MIN_READINGS = 10  # readings of a mean
 _STEADY = 0.05  # [1] of the step between weights, by which readings may vary: more is a weight that swings
 
 
@@ -70,11 +70,11 @@ def weigh(plant: RigPlant, masses: Sequence[float], operator: Operator) -> Weigh
             raise RigError("the operator has not gone on: nothing was calibrated.")
         recorder = plant.witness = Recorder()
         try:
-            plant.clock.sleep_until(plant.clock.now() + max(LISTENED, _FEWEST / plant.settings.sensor.rate))
+            plant.clock.sleep_until(plant.clock.now() + max(LISTENED, _MIN_READINGS / plant.settings.sensor.rate))
         finally:
             plant.witness = None
         heard = [(each.counts[axis], each.force[axis]) for each in recorder.forces(-np.inf, np.inf)]
-        if len(heard) < _FEWEST // 2:
+        if len(heard) < _MIN_READINGS // 2:
             raise RigError(f"{len(heard)} readings came within {LISTENED:g} s: is the sensor streaming?")
         means.append(np.mean(heard, axis=0).tolist())
         spreads.append(float(np.std(heard, axis=0)[0]))

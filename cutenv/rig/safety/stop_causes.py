@@ -207,7 +207,7 @@ class RigStopped(RigError):
         self.report, self.readings = report, readings
 
 
-AGAIN = 0.005  # period of the timer that repeats quick stops [s]
+STOP_PERIOD = 0.005  # period of the timer that repeats quick stops [s]
 # time after a quick stop [s] from which it is repeated, every period, to a drive that is not seen to obey
 RESEND_STOP_AFTER = 0.010
 # time of repeated quick stops that a drive ignores, after which our heartbeat ends: its own watchdog stops it [s]

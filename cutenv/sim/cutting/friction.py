@@ -19,7 +19,9 @@ from cutenv._base.arrays import Struct
 from cutenv._engine.jit import njit_inline
 
 _TWELFTH = 1.0 / 12.0
-_LEAST = 1e-9  # of the presliding length: a smaller deflection across is none, so that it does not fade for ever
+_MIN_DEFLECTION = (
+    1e-9  # of the presliding length: a smaller deflection across is none, so that it does not fade for ever
+)
 # Multiplying avoids a division, which would slow the batched loop; likewise the presliding length's inverse.
 
 
@@ -92,7 +94,7 @@ def deflected_in_plane(law: Struct, bristles: tuple[float, float], motion: tuple
     most = law.presliding_length
     along, across = bristles[0] + motion[0], bristles[1] + motion[1]
     share = most / math.sqrt(max(along * along + across * across, most * most))
-    straight = abs(across) < _LEAST * most
+    straight = abs(across) < _MIN_DEFLECTION * most
     return deflected(law, bristles[0], motion[0]) if straight else along * share, 0.0 if straight else across * share
 
 

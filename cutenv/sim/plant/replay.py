@@ -12,7 +12,7 @@ from cutenv.sim.tissue.specimen import N_POINTS, SPACING
 from cutenv.sim.trace import Trace, blade_speed
 
 _AT_CLAMP = 0.005  # [m], largest distance from the clamp at which a cut may begin
-_FEWEST = 20.0  # readings a second; with fewer, what happened between them is unknown
+_MIN_RATE = 20.0  # readings a second; with fewer, what happened between them is unknown
 _SAME = 1e-6  # [s], largest offset of a reading from its millisecond at which it is not interpolated
 _HIDDEN = ("true_force", "elastic_force", "tip", "jump")
 
@@ -40,7 +40,7 @@ class ReplayPlant:
     def __init__(self, trace: Trace) -> None:
         position, angle, depth = trace.require("position", "angle", "depth", by="a replay")
         force = trace.require_newtons(by="a replay")
-        in_range("sample_rate", trace.sample_rate, _FEWEST, 1e6, "Hz", "Record the force more often.")
+        in_range("sample_rate", trace.sample_rate, _MIN_RATE, 1e6, "Hz", "Record the force more often.")
         cure = "A cut begins at the clamp: trim the record to where it does, or measure the position from there."
         in_range("position at the start", position[0], -_AT_CLAMP, _AT_CLAMP, "m", cure)
         since = trace.time - trace.time[0]

@@ -56,7 +56,7 @@ LEAST_ASIDE = 0.008
 STORED: dict[str, Any] = {"element": "quad8", "formulation": "plane_stress", "poisson": 0.3}
 """The model whose solutions are stored: that of the measured liver."""
 _FUSIFORM = KINDS.index("fusiform")
-_LONGEST = 201  # points of the longest cut that is drawn
+_MAX_POINTS = 201  # points of the longest cut that is drawn
 _SEED = 29
 _FILE = "lines.json"
 
@@ -171,7 +171,7 @@ def first_of_pair(kind: int, number: int, seed: int = _SEED) -> CutLine:
         if kind == _FUSIFORM:
             if FUSIFORM_LENGTHS[0] <= length_of_bends(line) <= FUSIFORM_LENGTHS[1]:
                 return line  # it leaves the slab 40 mm or more beyond its end
-        elif length_within(line) >= LEAST_LENGTH and abs(line.y[:_LONGEST]).max() >= LEAST_ASIDE:
+        elif length_within(line) >= LEAST_LENGTH and abs(line.y[:_MAX_POINTS]).max() >= LEAST_ASIDE:
             return line
 
 

@@ -29,17 +29,19 @@ from cutenv.sim.tissue.tables import table
 Falls = tuple[tuple[float, float, float], ...]
 """Steps of a fall: share of the whole [1], and the two speeds [m/s] between which it is linear."""
 
-MOST = 3  # largest number of steps that the cutting law has fields for
+MAX_STEPS = 3  # largest number of steps that the cutting law has fields for
 
 
 def checked_falls(name: str, given: Iterable[Iterable[float]]) -> Falls:
     """Return the steps as a tuple; raise ValueError if invalid."""
-    shape = f"{name}: give up to {MOST} steps (share, from [m/s], to [m/s]) whose shares sum to 1, or () for a line."
+    shape = (
+        f"{name}: give up to {MAX_STEPS} steps (share, from [m/s], to [m/s]) whose shares sum to 1, or () for a line."
+    )
     try:
         falls = tuple((float(share), float(start), float(end)) for share, start, end in given)
     except (TypeError, ValueError):
         raise ValueError(f"{shape} Found {given!r}.") from None
-    if len(falls) > MOST or (falls and abs(sum(share for share, *_ in falls) - 1.0) > 1e-6):
+    if len(falls) > MAX_STEPS or (falls and abs(sum(share for share, *_ in falls) - 1.0) > 1e-6):
         raise ValueError(f"{shape} Found {falls!r}.")
     for share, start, end in falls:
         in_range(f"{name}, share", share, 0.0, 1.0, "1", "0.4 is 40 % of the fall.")

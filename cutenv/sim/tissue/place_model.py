@@ -31,7 +31,9 @@ from cutenv.sim.tissue.grid import N_POINTS, SPACING
 from cutenv.sim.tissue.lines import WIDTH, CutLine
 from cutenv.sim.tissue.tables import FOLDER
 
-FARTHEST = 0.006  # distance of a tip from its line [m] up to which its stiffness changes; farther away it is kept
+MAX_TIP_DISTANCE = (
+    0.006  # distance of a tip from its line [m] up to which its stiffness changes; farther away it is kept
+)
 _RISE = 0.1  # length to which c7 refers [m]
 _PROBE = 0.003  # distance on both sides of a line at which its rates are taken [m]
 _FILE = "place_model.json"
@@ -127,7 +129,7 @@ def stiffness_off_line(
     ``stiffness`` is that of a crack on the line, which it stays for a tip there, to the last bit.
     """
     along, coupled, across = stiffness
-    d = min(max(aside, -FARTHEST), FARTHEST)
+    d = min(max(aside, -MAX_TIP_DISTANCE), MAX_TIP_DISTANCE)
     first, below, second = 1.0 + d * rates[0], d * rates[1], 1.0 + d * rates[2]
     pulled = below * along + second * coupled
     return first * first * along, first * pulled, below * (pulled + second * coupled) + second * second * across

@@ -321,7 +321,7 @@ def nominal_stiffness(nominal: Struct, i: int, depth: float) -> float:
     return K
 
 
-_LEAST = 1e-3  # depth of cut at level 0 [m]: that of the mean bulge at the clamp
+_MIN_DEPTH = 1e-3  # depth of cut at level 0 [m]: that of the mean bulge at the clamp
 _FIRST = np.int64(0)  # not a literal, for which Numba would compile the function again
 
 
@@ -365,7 +365,7 @@ def vary_surface(key: Key, spread: float, thickness: float, modes: Array, depth:
     deviation = np.empty(N_POINTS)
     smooth_field(key, SURFACE, _FIRST, modes, deviation)
     for i in range(N_POINTS):
-        depth[i] = min(max(depth[i] + spread * deviation[i], min(depth[i], _LEAST)), thickness)
+        depth[i] = min(max(depth[i] + spread * deviation[i], min(depth[i], _MIN_DEPTH)), thickness)
 
 
 @dataclass(frozen=True, kw_only=True)

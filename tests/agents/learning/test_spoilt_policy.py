@@ -21,7 +21,7 @@ def check_refused(folder: Path, file: str, found: str) -> None:
     with pytest.raises(ValueError, match=found) as raised:
         TrainedPolicy.load(folder)
     assert str(folder / file) in str(raised.value)
-    assert str(raised.value).endswith(trained._AGAIN) or "or train it again." in str(raised.value)
+    assert str(raised.value).endswith(trained._CURE) or "or train it again." in str(raised.value)
 
 
 def test_a_missing_folder_is_named(tmp_path):

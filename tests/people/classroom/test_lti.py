@@ -739,7 +739,7 @@ def test_the_thread_sends_by_itself_and_says_once_what_is_wrong(
 
 
 def test_an_answer_without_end_is_left(room: LtiRoom, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cutenv.people.classroom.lti_platforms._LARGEST", 10)
+    monkeypatch.setattr("cutenv.people.classroom.lti_platforms._MAX_ANSWER_BYTES", 10)
     assert "answers with more than" in said(launched(room, room.client()))
 
 

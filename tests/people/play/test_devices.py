@@ -15,7 +15,7 @@ from cutenv.people.play.devices import (
     ScriptedDevice,
     simple_hand,
 )
-from cutenv.people.play.hand_model import FASTEST
+from cutenv.people.play.hand_model import MAX_HAND_SPEED
 from cutenv.task.depth import DESCENT_SCALE
 
 UPRIGHT, INCLINED = math.pi / 2, math.pi / 4
@@ -49,9 +49,9 @@ def after_a_second(stick: float) -> float:
 
 
 def test_a_full_stick_is_the_fastest_speed_and_half_of_it_is_slow() -> None:
-    assert after_a_second(1.0) == pytest.approx(FASTEST)
+    assert after_a_second(1.0) == pytest.approx(MAX_HAND_SPEED)
     half = (0.5 - STICK_DEAD_ZONE) / (1.0 - STICK_DEAD_ZONE)
-    assert after_a_second(0.5) == pytest.approx(FASTEST * half**2)
+    assert after_a_second(0.5) == pytest.approx(MAX_HAND_SPEED * half**2)
 
 
 @pytest.mark.parametrize("stick", [0.0, 0.1, -0.1, -1.0])

@@ -13,7 +13,7 @@ from played_window import begin, post, press, pygame, show
 from cutenv.display.viewer import palette
 from cutenv.display.viewer.window import Window
 from cutenv.people.play.devices import LEAD
-from cutenv.people.play.hand_model import FASTEST
+from cutenv.people.play.hand_model import MAX_HAND_SPEED
 from cutenv.people.play.picture import LAYOUT
 from cutenv.people.play.play_window import PlayWindow
 
@@ -36,7 +36,7 @@ def test_a_mouse_leads_far_enough_for_the_hands_full_speed(window: PlayWindow) -
     for _ in range(60):
         post(pygame.MOUSEMOTION, rel=(20, 0), pos=(0, 0), buttons=(0, 0, 0))
         show(window)
-    assert float(window.session.cut.plant.states["hand_speed"][0]) == pytest.approx(FASTEST, rel=0.01)
+    assert float(window.session.cut.plant.states["hand_speed"][0]) == pytest.approx(MAX_HAND_SPEED, rel=0.01)
 
 
 def test_a_free_pointer_leads_by_where_it_is_and_is_not_caught(window: PlayWindow) -> None:

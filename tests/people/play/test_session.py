@@ -15,7 +15,7 @@ from cutenv.commands import cli
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.people.play import played_cut as played_cut
 from cutenv.people.play.devices import HandMotion, MouseDevice, ScriptedDevice
-from cutenv.people.play.hand_model import FASTEST
+from cutenv.people.play.hand_model import MAX_HAND_SPEED
 from cutenv.people.play.play_session import GIVEN_UP, LONGEST_STALL, ListenedSession, Session, SessionPlan
 from cutenv.records import load_one
 
@@ -213,7 +213,7 @@ def test_the_hand_is_never_faster_than_the_fastest_measured() -> None:
     for k in range(1, 100):
         played.advance(0.02 * k)
         fastest = max(fastest, float(played.cut.plant.states["hand_speed"][0]))
-    assert 0.99 * FASTEST < fastest < 1.001 * FASTEST
+    assert 0.99 * MAX_HAND_SPEED < fastest < 1.001 * MAX_HAND_SPEED
 
 
 def test_the_hand_comes_to_where_it_is_meant_to_be_without_swinging_beyond() -> None:

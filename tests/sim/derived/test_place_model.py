@@ -6,11 +6,11 @@ import numpy as np
 
 from cutenv.sim.tissue.drawn_lines import STORED, drawn_lines, given_line
 from cutenv.sim.tissue.lines import half_ellipse, straight
-from cutenv.sim.tissue.place_model import FARTHEST, fitted_numbers, stiffness_off_line
+from cutenv.sim.tissue.place_model import MAX_TIP_DISTANCE, fitted_numbers, stiffness_off_line
 from scripts.derivations import lines
 from scripts.validation.physics import crack_truth
 
-DISTANCES = (-0.02, -FARTHEST, -0.001, 0.003, FARTHEST, 0.02)  # [m]
+DISTANCES = (-0.02, -MAX_TIP_DISTANCE, -0.001, 0.003, MAX_TIP_DISTANCE, 0.02)  # [m]
 
 
 def test_the_stored_numbers_are_those_that_the_script_fits():

@@ -23,7 +23,7 @@ from cutenv.sim.trace import Trace
 
 OPENING = 0.0016
 """Distance by which faces of a cut are drawn apart, far from its ends [m]: an illustration."""
-_LEAST = 0.001  # length of a cut that can be drawn [m]
+_MIN_LENGTH = 0.001  # length of a cut that can be drawn [m]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -102,7 +102,7 @@ class CurvedCut:
         path = ScoredCut(trace=trace, line=line or straight(), target_length=target, tissue=tissue).path_map.place
         model = SteeredModel(formulation=tissue.formulation, poisson=tissue.poisson)
         steps = np.diff(path, axis=0)
-        if len(steps) == 0 or np.hypot(*steps.T).sum() < _LEAST:
+        if len(steps) == 0 or np.hypot(*steps.T).sum() < _MIN_LENGTH:
             raise ValueError("The crack has not left the clamp in this record: there is no cut to draw.")
         headings = np.arctan2(steps[:, 1], steps[:, 0])
         model.begin(path[0], float(headings[0]))

@@ -33,7 +33,7 @@ FEWEST_RELIABLE = 5
 Of two people who are equally good, with two cuts each, one pair in ten has a reliability above 0.8 by chance; of
 five, one group in sixty.
 """
-_LARGEST = 1e12
+_MAX_VALUE = 1e12
 _NO_VARIATION = 1e-12  # relative to the largest value: less is rounding
 
 
@@ -74,7 +74,7 @@ def series_of(name: str, series: Sequence[ArrayLike], *, fewest: int, people: in
 
     At least ``people`` are needed, each with at least ``fewest`` finite values.
     """
-    columns = tuple(array_in_range(f"{name}[{i}]", each, -_LARGEST, _LARGEST, "1") for i, each in enumerate(series))
+    columns = tuple(array_in_range(f"{name}[{i}]", each, -_MAX_VALUE, _MAX_VALUE, "1") for i, each in enumerate(series))
     if len(columns) < people:
         raise ValueError(f"{name} has {len(columns)} rows; give {people} or more: fewer are too few for statistics.")
     for i, column in enumerate(columns):
@@ -85,7 +85,7 @@ def series_of(name: str, series: Sequence[ArrayLike], *, fewest: int, people: in
 
 def values_of(name: str, values: ArrayLike, *, fewest: int) -> Array:
     """Return at least ``fewest`` finite values as array, shape (n,)."""
-    array = array_in_range(name, values, -_LARGEST, _LARGEST, "1")
+    array = array_in_range(name, values, -_MAX_VALUE, _MAX_VALUE, "1")
     if array.ndim != 1 or len(array) < fewest:
         raise ValueError(f"{name} has shape {array.shape}; give {fewest} values or more, shape (n,).")
     return array

@@ -185,7 +185,7 @@ def _first(signals: NDArray[np.bool_]) -> int | None:
 
 
 RECENT = 3  # number of last cuts by which advice is given
-_MOST = 3  # pieces of advice
+_MAX_ADVICE = 3  # pieces of advice
 _LITTLE = 0.1  # fraction of a part's points whose loss needs no advice
 _CAUSES = {
     "target": (("limits", "way", "accuracy", "success"), ("short", "overshoot", "wedge", "force")),
@@ -243,7 +243,7 @@ def next_tries(cards: Sequence[ScoreCard]) -> tuple[NextTry, ...]:
     sums = [(name, sum(p for p, _ in own), sum(most for _, most in own)) for name, own in groups.items() if own]
     tries: list[NextTry] = []
     for name, points, most in sorted(sums, key=lambda row: row[1] - row[2]):
-        if most - points < _LITTLE * most or len(tries) == _MOST:
+        if most - points < _LITTLE * most or len(tries) == _MAX_ADVICE:
             continue
         kinds = _CAUSES[name][1] if name in _CAUSES else ()
         faults = [(k, fault) for k, card in enumerate(last) for fault in card.faults if fault.kind in kinds]

@@ -15,7 +15,10 @@ from cutenv.rig.devices.loop import Clock
 from cutenv.rig.devices.protocols import DriveState, MotionSample
 from cutenv.rig.errors import RigError
 
-_TOLD, _TOLD_EVERY = 20, 0.010  # quick stops before clearing a drive that still has power; [s] between them
+_QUICK_STOPS, _QUICK_STOP_PERIOD = (
+    20,
+    0.010,
+)  # quick stops before clearing a drive that still has power; [s] between them
 UNDER_WAY = 5  # answers to SYNC that may be under way; more, and the bus is too late for a stop
 _LIMITED = 3  # statuswords with an internal limit, from which it is no start of a motion
 _REST = 0.01  # [1] share of the top speed below which an axis counts as at rest
@@ -147,11 +150,11 @@ class CanopenAxis(AxisDriver):
         if self._for_good:
             self._book.put(o.QUICK_STOP_OPTION, o.STOP_AND_STAY)
             self._for_good = False
-        for _ in range(_TOLD):  # it may still move, and nothing else sends quick stops during a reset
+        for _ in range(_QUICK_STOPS):  # it may still move, and nothing else sends quick stops during a reset
             if self._state is not DriveState.ENABLED:
                 break
             self._send_stop()
-            self._wait(lambda: self._state is not DriveState.ENABLED, _TOLD_EVERY)
+            self._wait(lambda: self._state is not DriveState.ENABLED, _QUICK_STOP_PERIOD)
         self._power_off()
         if self._state is DriveState.FAULT:
             self._reset_fault()

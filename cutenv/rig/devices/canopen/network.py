@@ -25,7 +25,7 @@ from cutenv.rig.devices.protocols import Latch
 from cutenv.rig.errors import RigError
 
 PATIENCE = 2.0  # time allowed for a gateway to accept the connection, and for each answer [s]
-_LONGEST = 200  # characters of a message
+_MAX_CHARACTERS = 200  # characters of a message
 _IDENTIFIER = r"([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})"
 # More than 8 bytes are not a frame of CANopen; its listener ignores them.
 _FRAME = re.compile(rf"< frame {_IDENTIFIER} \d+\.\d+ ((?:[0-9A-Fa-f]{{2}} ?){{0,64}}) ?>\Z")
@@ -146,9 +146,9 @@ class Socketcand:
             if start >= 0:
                 messages.append(self._text[start : end + 1].decode("ascii", errors="backslashreplace"))
             self._text = self._text[end + 1 :]
-        if len(self._text) > _LONGEST:
+        if len(self._text) > _MAX_CHARACTERS:
             start = self._text.rfind(b"<")
-            self._text = self._text[start:] if 0 <= len(self._text) - start <= _LONGEST and start >= 0 else b""
+            self._text = self._text[start:] if 0 <= len(self._text) - start <= _MAX_CHARACTERS and start >= 0 else b""
         return messages
 
     def _take(self, message: str) -> None:

@@ -141,7 +141,7 @@ _log = logging.getLogger(__name__)
 # time without a line from this computer after which a powered stepper stops by itself [s]; that of the sketch
 BOARD_PATIENCE = 0.100
 BEAT = 0.025  # period of this computer's sign of life [s]: three may be late
-_ANSWER, _AGAIN = 0.6, 0.15  # [s] for an answer; [s] after which it is asked again
+_ANSWER, _ASKED_AGAIN_AFTER = 0.6, 0.15  # [s] for an answer; [s] after which it is asked again
 _BOOT = 5.0  # [s] for a board that restarts when its port is opened
 _WRITE = 0.02  # [s] for the port to take a line
 _READ = 0.1  # [s] for a read, which waits for nothing
@@ -240,7 +240,9 @@ class SerialBoard:
         ends = self._clock.now() + limit
         while self.broken is None and self._clock.now() < ends:
             self.send(text)  # again and again: a board leaves an answer out that does not fit into its buffer
-            self._clock.wait_for(lambda: kind in self._answers or self.broken is not None, _AGAIN, self._changed)
+            self._clock.wait_for(
+                lambda: kind in self._answers or self.broken is not None, _ASKED_AGAIN_AFTER, self._changed
+            )
             if kind in self._answers:
                 return self._answers[kind]
         why = self.broken or f"no answer to {text!r} within {limit:g} s: is it powered, is its cable in?"
