@@ -9,6 +9,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Iterable, Mapping
 from importlib import import_module
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from scripts import ROOT
@@ -336,6 +337,19 @@ SPEED = (  # speed
           "docs/results/speed.md", "wheel", ":kept"),
 )  # fmt: skip
 
+
+def on_task(task: str, page: str) -> Iterable[Check]:
+    """Yield the checks of a task's table, of its agents and of its ladder of knowledge."""
+    name, table = f"agents: {task}", f"scripts.benchmarks.policies.task_table {task}"
+    best = "scripts and planner with truth on the same held-out specimens"
+    yield Check(name, best, table, None, page, Path(page).stem, f":TABLES.{task}.kept_report")
+    learned, more = f"{table} --agents runs/NAME/policy", "agents, scripts and planner on the same held-out specimens"
+    yield Check(f"{name}, learned", more, learned, None, page, f"{task}-agents", f":TABLES.{task}.kept_agents_report")
+    ladder = f"scripts.benchmarks.policies.knowledge_ladder {task}"
+    truth = "the same script with more and more of the truth"
+    yield Check(f"{name}, information", truth, ladder, None, page, f"{task}-ladder", f":LADDERS.{task}.kept_report")
+
+
 AGENTS = (  # agents, scripts and planners
     Check("agents: training", "what the training command reaches, one run for each seed", "cutenv train", 4,
           "docs/results/training.md", "training", "scripts.documentation.training_blocks:training"),
@@ -373,33 +387,9 @@ AGENTS = (  # agents, scripts and planners
     Check("agents: budget for the cost", "return and cost with and without a Lagrange multiplier",
           "scripts.benchmarks.policies.safe_cut", None, "docs/results/safe-cut.md", "safe-cut", ":report",
           kept="runs/safe-cut/rows.csv"),
-    Check("agents: depth", "scripts and planner with truth on the same held-out specimens",
-          "scripts.benchmarks.policies.task_table depth", None, "docs/results/depth-cut.md", "depth-cut",
-          ":TABLES.depth.kept_report"),
-    Check("agents: depth, learned", "agents, scripts and planner on the same held-out specimens",
-          "scripts.benchmarks.policies.task_table depth --agents runs/NAME/policy", None, "docs/results/depth-cut.md",
-          "depth-agents", ":TABLES.depth.kept_agents_report"),
-    Check("agents: depth, information", "the same script with more and more of the truth",
-          "scripts.benchmarks.policies.knowledge_ladder depth", None, "docs/results/depth-cut.md", "depth-ladder",
-          ":LADDERS.depth.kept_report"),
-    Check("agents: path", "scripts and planner with truth on the same held-out specimens",
-          "scripts.benchmarks.policies.task_table path", None, "docs/results/path-cut.md", "path-cut",
-          ":TABLES.path.kept_report"),
-    Check("agents: path, learned", "agents, scripts and planner on the same held-out specimens",
-          "scripts.benchmarks.policies.task_table path --agents runs/NAME/policy", None, "docs/results/path-cut.md",
-          "path-agents", ":TABLES.path.kept_agents_report"),
-    Check("agents: path, information", "the same script with more and more of the truth",
-          "scripts.benchmarks.policies.knowledge_ladder path", None, "docs/results/path-cut.md", "path-ladder",
-          ":LADDERS.path.kept_report"),
-    Check("agents: excision", "scripts and planner with truth on the same held-out specimens",
-          "scripts.benchmarks.policies.task_table excision", None, "docs/results/excision.md", "excision",
-          ":TABLES.excision.kept_report"),
-    Check("agents: excision, learned", "agents, scripts and planner on the same held-out specimens",
-          "scripts.benchmarks.policies.task_table excision --agents runs/NAME/policy", None, "docs/results/excision.md",
-          "excision-agents", ":TABLES.excision.kept_agents_report"),
-    Check("agents: excision, information", "the same script with more and more of the truth",
-          "scripts.benchmarks.policies.knowledge_ladder excision", None, "docs/results/excision.md", "excision-ladder",
-          ":LADDERS.excision.kept_report"),
+    *on_task("depth", "docs/results/depth-cut.md"),
+    *on_task("path", "docs/results/path-cut.md"),
+    *on_task("excision", "docs/results/excision.md"),
     Check("agents: excision, tuned scripts", "scripts before and after their numbers were searched for",
           "scripts.benchmarks.policies.tune_scripts excision", None, "docs/results/excision.md", "excision-tuned",
           ":kept_report", ("excision",)),
