@@ -9,6 +9,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Iterable, Mapping
 from importlib import import_module
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from scripts import ROOT
@@ -33,7 +34,7 @@ class Check(NamedTuple):
     block
         Generated block of the page; "" where the page tells the numbers in words.
     prints
-        Function that returns the block, as ``module:name``.
+        Function that returns the block, as ``module:name``; ``:name`` where the module is that of ``run``.
     given
         Arguments of that function.
     kept
@@ -63,9 +64,15 @@ class Check(NamedTuple):
         """Arguments of Python."""
         return ["-m", *shlex.split(self.run)]
 
+    @property
+    def printer(self) -> tuple[str, str]:
+        """Module of the function that returns the block, and the function's name there."""
+        module, _, path = self.prints.partition(":")
+        return module or self.run.split()[0], path
+
     def text(self, *more: str) -> str:
         """Return the block of the page; SystemExit with the cure where nothing is kept to print it from."""
-        module, _, path = self.prints.partition(":")
+        module, path = self.printer
         found: Any = import_module(module)
         for part in path.split("."):
             found = found[part] if isinstance(found, Mapping) else getattr(found, part)
@@ -135,7 +142,7 @@ THESIS = (  # the thesis beside the model, and programs that derive its constant
           "scripts.documentation.program_blocks:agreement", long=True),
     Check("thesis: wear", "what comes back of blade wear that was put into series of cuts",
           "scripts.validation.measurement.wear_series --json runs/wear.json", 5, "docs/rig/thesis-rig.md", "wear",
-          "scripts.validation.measurement.wear_series:table", kept="runs/wear.json"),
+          ":table", kept="runs/wear.json"),
     Check("constants: specimens", "virtual measurement of drawn specimens beside the tables",
           "scripts.derivations.specimens --livers 150", 5, "docs/validation/specimens.md", "specimens",
           "scripts.documentation.program_blocks:fenced", ("scripts.derivations.specimens", "--livers", "150")),
@@ -145,32 +152,28 @@ THESIS = (  # the thesis beside the model, and programs that derive its constant
           "docs/validation/steering.md"),
     Check("constants: partial depth", "stiffness of a slab that is not cut through, from bricks",
           "scripts.derivations.partial_depth --elements", 5, "docs/concepts/tissue.md", "partial-depth",
-          "scripts.derivations.partial_depth:elements_matter"),
+          ":elements_matter"),
     Check("constants: slab", "stiffness of a slab of varying modulus, condensed", "scripts.derivations.slab", None,
           "docs/validation/limits.md"),
     Check("constants: reference set", "distribution of each metric in the reference set",
           "scripts.derivations.reference_set", None, "docs/development/metric.md"),
     Check("constants: layers", "reach of layers around a blade, fitted to slabs of bricks",
-          "scripts.derivations.layers", 5, "docs/validation/descent.md", "layers-fit",
-          "scripts.derivations.layers:markdown"),
+          "scripts.derivations.layers", 5, "docs/validation/descent.md", "layers-fit", ":markdown"),
 )  # fmt: skip
 
 PHYSICS = (  # the cutting law and its models
     Check("physics: up and down",
           "energy, limit cases, and layers against bricks, where the blade also moves up and down",
-          "scripts.validation.physics.descent", 5, "docs/validation/descent.md", "descent",
-          "scripts.validation.physics.descent:markdown", long=True),
+          "scripts.validation.physics.descent", 5, "docs/validation/descent.md", "descent", ":markdown", long=True),
     Check("physics: slice and push", "forces on an edge that is pressed and drawn, beside the closed form",
           "scripts.validation.physics.descent --slice-push", 1, "docs/validation/descent.md", "slice-push",
-          "scripts.validation.physics.descent:slice_push"),
+          ":slice_push"),
     Check("physics: along a line",
           "energy, straight lines and models of cuts along a curve, beside others and closed forms",
-          "scripts.validation.physics.steering", 2, "docs/validation/steering.md", "steering",
-          "scripts.validation.physics.steering:markdown", long=True),
+          "scripts.validation.physics.steering", 2, "docs/validation/steering.md", "steering", ":markdown", long=True),
     Check("physics: elements solved as the cut opens",
           "forces and way of the tip beside a model that is solved anew at every node",
-          "scripts.validation.physics.free_cut", 1, "docs/validation/steering.md", "free-cut",
-          "scripts.validation.physics.free_cut:table", long=True),
+          "scripts.validation.physics.free_cut", 1, "docs/validation/steering.md", "free-cut", ":table", long=True),
     Check("physics: changed laws", "laws of depth and of the line, before a change and now", "scripts.update_docs laws",
           5, "docs/validation/laws.md", "laws", "scripts.validation.physics.changed_laws:markdown"),
     Check("physics: results of changed laws", "results on the tasks, before the change and now",
@@ -178,7 +181,7 @@ PHYSICS = (  # the cutting law and its models
           "scripts.validation.physics.changed_laws:results"),
     Check("physics: benchmark of curved cuts", "our own entry of the benchmark for other solvers",
           "scripts.validation.physics.curved_cuts table", 0, "docs/validation/curved-benchmark.md", "curved-benchmark",
-          "scripts.validation.physics.curved_cuts:table"),
+          ":table"),
     Check("bits: on other processors",
           "cuts of every task are the same to the last bit with other instructions of the processor",
           "scripts.validation.physics.same_bits", 5, "docs/development/architecture.md", long=True),
@@ -194,10 +197,10 @@ MEASUREMENT = (  # properties of tissue, measured from records of virtual cuts
           "scripts.documentation.program_blocks:calibration"),
     Check("measurement: calibration repeated", "how often the 95 % intervals hold what was put in",
           "scripts.validation.measurement.calibration_studies", 4, "docs/validation/calibration.md",
-          "calibration-studies", "scripts.validation.measurement.calibration_studies:report"),
+          "calibration-studies", ":report"),
     Check("measurement: layers", "toughness and modulus of layers come back from cuts in steps of depth",
-          "scripts.validation.measurement.layers", 5, "docs/validation/calibration.md", "layers-recovered",
-          "scripts.validation.measurement.layers:tables", kept="runs/layers/layers.json"),
+          "scripts.validation.measurement.layers", 5, "docs/validation/calibration.md", "layers-recovered", ":tables",
+          kept="runs/layers/layers.json"),
     Check("measurement: stepped cuts", "virtual records of cuts in steps of depth, to try the calibration of layers",
           "scripts.validation.measurement.stepped_cuts --out stepped", 0, "docs/how-to/calibrate.md"),
     Check("measurement: beads", "beads and force give back what was put in", "scripts.validation.measurement.field", 5,
@@ -206,8 +209,7 @@ MEASUREMENT = (  # properties of tissue, measured from records of virtual cuts
     Check("measurement: one cut twice", "modulus of one cut by force and by images, beside the one that was put in",
           "scripts.validation.measurement.one_cut_twice", 5, "docs/validation/field.md"),
     Check("measurement: tip", "errors of the estimated tip at the end of cuts",
-          "scripts.validation.measurement.tip_errors", 2, "docs/concepts/task.md", "tip-errors",
-          "scripts.validation.measurement.tip_errors:report"),
+          "scripts.validation.measurement.tip_errors", 2, "docs/concepts/task.md", "tip-errors", ":report"),
 )  # fmt: skip
 
 RECORDS = (  # files of records, and those of real cuts
@@ -215,68 +217,61 @@ RECORDS = (  # files of records, and those of real cuts
           "a damaged file is read or refused with line and fix, never guessed",
           "scripts.validation.records.record_trials", None, "docs/reference/files/records.md", long=True),
     Check("records: faults", "how well 'cutenv check' names faults, and how seldom it doubts a clean record",
-          "scripts.validation.records.record_faults", 3, "docs/validation/record-faults.md", "record-faults",
-          "scripts.validation.records.record_faults:table"),
+          "scripts.validation.records.record_faults", 3, "docs/validation/record-faults.md", "record-faults", ":table"),
     Check("records: real cuts", "statistics of published hand-held cuts", "scripts.validation.records.real_records",
           None, "docs/validation/real-cuts.md"),
     Check("records: score of real cuts", "score cards of published hand-held cuts",
           "scripts.validation.records.score_real_records", None, "docs/validation/real-cuts.md"),
     Check("records: ratings", "force statistics of published cuts beside their ratings by experts",
           "scripts.validation.records.expert_ratings", 0.5, "docs/validation/real-cuts.md", "expert-ratings",
-          "scripts.validation.records.expert_ratings:report"),
+          ":report"),
 )  # fmt: skip
 
 SCORE = (  # scores, and decisions by them
     Check("score: agreement with the task", "a better cut has the higher score: scripts, agents, planner and people",
           "scripts.validation.scoring.check_score --hand", 30, "docs/validation/score.md", "check-score",
-          "scripts.validation.scoring.check_score:kept_report"),
+          ":kept_report"),
     Check("score: wanted depth", "the same of cuts along a wanted depth",
           "scripts.validation.scoring.check_score --task depth", 60, "docs/validation/score.md", "check-depth-score",
-          "scripts.validation.scoring.check_score:kept_map_report", ("depth",)),
+          ":kept_map_report", ("depth",)),
     Check("score: line", "the same of cuts along a line", "scripts.validation.scoring.check_score --task path", 60,
-          "docs/validation/score.md", "check-path-score", "scripts.validation.scoring.check_score:kept_map_report",
-          ("path",)),
+          "docs/validation/score.md", "check-path-score", ":kept_map_report", ("path",)),
     Check("score: doubts", "how often honest and changed records are doubted by their motion",
-          "scripts.validation.scoring.check_score --doubts", 2, "docs/validation/score.md", "doubts",
-          "scripts.validation.scoring.check_score:kept_doubts"),
+          "scripts.validation.scoring.check_score --doubts", 2, "docs/validation/score.md", "doubts", ":kept_doubts"),
     Check("score: kinds of exploits", "ways to be paid without cutting, by kind", "scripts.update_docs exploit-kinds",
           0, "docs/validation/exploits.md", "exploit-kinds", "scripts.validation.scoring.find_exploits:kinds"),
     Check("score: exploits", "searches for a reward, or a success, without the cut that was asked",
-          "scripts.validation.scoring.find_exploits", 25, "docs/validation/exploits.md", "exploits",
-          "scripts.validation.scoring.find_exploits:kept_tables"),
+          "scripts.validation.scoring.find_exploits", 25, "docs/validation/exploits.md", "exploits", ":kept_tables"),
     Check("statistics: pass marks", "pass marks beside published ones, and how often their intervals hold the truth",
           "scripts.validation.scoring.pass_mark_coverage", 3, "docs/validation/pass-marks.md", "pass-marks",
           "scripts.documentation.program_blocks:printed", ("scripts.validation.scoring.pass_mark_coverage",)),
     Check("statistics: decisions at any time", "errors and pairs of comparisons that stop when they are decided",
           "scripts.validation.scoring.check_sequential", 5, "docs/validation/sequential.md", "sequential",
-          "scripts.validation.scoring.check_sequential:decision_table", long=True),
+          ":decision_table", long=True),
     Check("statistics: twins at any time", "the same of a rig beside its twin",
           "scripts.validation.scoring.check_sequential --block twins", 5, "docs/validation/sequential.md",
-          "sequential-twins", "scripts.validation.scoring.check_sequential:twin_table"),
+          "sequential-twins", ":twin_table"),
     Check("statistics: what twins explain", "how far places differ, and the share that twins of an opening explain",
           "scripts.validation.scoring.check_sequential --measure 140", 15, "docs/validation/sequential.md",
-          "sequential-places", "scripts.validation.scoring.check_sequential:places_report",
-          kept="runs/check-sequential/places.csv"),
+          "sequential-places", ":places_report", kept="runs/check-sequential/places.csv"),
     Check("statistics: a library of sequences", "the same studies decided by the library confseq",
           "scripts.validation.scoring.check_sequential --block library", 15, "docs/validation/sequential.md",
-          "sequential-library", "scripts.validation.scoring.check_sequential:library_table",
-          kept="runs/check-sequential/library.json"),
+          "sequential-library", ":library_table", kept="runs/check-sequential/library.json"),
 )  # fmt: skip
 
 VISION = (  # measurement by images, on rendered ones
     Check("vision: depth of cut", "errors of depth on rendered films, and of R with it",
-          "scripts.validation.vision.depth_accuracy", 10, "docs/validation/depth.md", "depth",
-          "scripts.validation.vision.depth_accuracy:report", kept="runs/depth_accuracy.json", long=True),
+          "scripts.validation.vision.depth_accuracy", 10, "docs/validation/depth.md", "depth", ":report",
+          kept="runs/depth_accuracy.json", long=True),
     Check("vision: runs of the crack", "runs of the crack that a film shows, beside those of the simulator",
-          "scripts.validation.vision.seen_runs", 5, "docs/validation/depth.md", "seen-runs",
-          "scripts.validation.vision.seen_runs:report", kept="runs/seen_runs.json", long=True),
+          "scripts.validation.vision.seen_runs", 5, "docs/validation/depth.md", "seen-runs", ":report",
+          kept="runs/seen_runs.json", long=True),
     Check("vision: camera beside a rig", "frames a second beside an emulated rig, and the rig's timing with it",
           "scripts.validation.vision.camera_beside_rig --minutes 1 --json runs/camera-beside-rig.json", 15,
-          "docs/validation/depth.md", "live-camera", "scripts.validation.vision.camera_beside_rig:markdown",
-          kept="runs/camera-beside-rig.json", long=True),
+          "docs/validation/depth.md", "live-camera", ":markdown", kept="runs/camera-beside-rig.json", long=True),
     Check("vision: beads in X-ray images", "how exactly C-arm images are corrected and beads followed",
-          "scripts.validation.vision.bead_tracking", 15, "docs/validation/beads.md", "bead-tracking",
-          "scripts.validation.vision.bead_tracking:kept_markdown", long=True),
+          "scripts.validation.vision.bead_tracking", 15, "docs/validation/beads.md", "bead-tracking", ":kept_markdown",
+          long=True),
 )  # fmt: skip
 
 
@@ -298,15 +293,15 @@ RIG = (  # rigs, in real time on an emulator
     rig_faults("docs/rig/serial-rig.md", "grbl", "a rig with GRBL"),
     Check("rig: attacks", "no attack on a rig moves its blade unwatched",
           "scripts.validation.rig.rig_attacks --times 3 --json runs/rig-attacks.json", 15, "docs/rig/what-stops-it.md",
-          "rig-attacks", "scripts.validation.rig.rig_attacks:markdown", kept="runs/rig-attacks.json", long=True),
+          "rig-attacks", ":markdown", kept="runs/rig-attacks.json", long=True),
     Check("rig: soak", "an hour of cuts on an emulated rig, and the timing of its clock",
           "scripts.validation.rig.rig_soak --minutes 60 --json runs/rig-soak.json", 120, "docs/rig/what-stops-it.md",
-          "rig-soak", "scripts.validation.rig.rig_soak:markdown", kept="runs/rig-soak.json", long=True),
+          "rig-soak", ":markdown", kept="runs/rig-soak.json", long=True),
     Check("rig: jitter", "jitter of the loop of a rig, alone and beside other programs",
           "scripts.validation.rig.loop_jitter", 5, "docs/rig/what-stops-it.md"),
     Check("rig: twins", "verdicts of a comparison of rig and simulator under a known gain of the force",
-          "scripts.validation.rig.twin_trials --json runs/twins.json", 5, "docs/rig/run.md", "twins",
-          "scripts.validation.rig.twin_trials:table", kept="runs/twins.json"),
+          "scripts.validation.rig.twin_trials --json runs/twins.json", 5, "docs/rig/run.md", "twins", ":table",
+          kept="runs/twins.json"),
     Check("rig: tasks with a third axis", "scripts on the same specimens in the simulator and on a rig",
           "scripts.validation.rig.tasks_on_rig --task depth", None, "docs/rig/run.md"),
     Check("rig: haptics", "an emulated haptic device stays passive, and the stiffness that it can render",
@@ -318,13 +313,13 @@ RIG = (  # rigs, in real time on an emulator
 CLASSES = (  # a class and its browsers
     Check("class: load", "what a server loses that is overloaded, killed and sent nonsense",
           "scripts.validation.classroom.class_load --json runs/class-load.json", 15, "docs/validation/class-server.md",
-          "class-load", "scripts.validation.classroom.class_load:markdown", kept="runs/class-load.json", long=True),
+          "class-load", ":markdown", kept="runs/class-load.json", long=True),
     Check("class: attacks", "attacks that a class's server is tested with",
           "scripts.validation.classroom.class_attacks --try", 2, "docs/validation/class-server.md", "class-attacks",
-          "scripts.validation.classroom.class_attacks:markdown"),
+          ":markdown"),
     Check("class: page in browsers", "pictures a second, delay and score of the page that cuts, in real browsers",
           "scripts.validation.classroom.page_in_browsers --json runs/measure_page.json", 5, "docs/how-to/browser.md",
-          "browser-page", "scripts.validation.classroom.page_in_browsers:markdown", kept="runs/measure_page.json"),
+          "browser-page", ":markdown", kept="runs/measure_page.json"),
 )  # fmt: skip
 
 SPEED = (  # speed
@@ -339,8 +334,21 @@ SPEED = (  # speed
     Check("speed: training", "decisions a second of PPO, and of policies with memory",
           "scripts.benchmarks.speed.training_speed --memory", 2, "docs/results/from-scratch.md"),
     Check("speed: wheel", "size, first use and results of a wheel beside Numba's", "scripts.try_wheel WHEEL", None,
-          "docs/results/speed.md", "wheel", "scripts.try_wheel:kept"),
+          "docs/results/speed.md", "wheel", ":kept"),
 )  # fmt: skip
+
+
+def on_task(task: str, page: str) -> Iterable[Check]:
+    """Yield the checks of a task's table, of its agents and of its ladder of knowledge."""
+    name, table = f"agents: {task}", f"scripts.benchmarks.policies.task_table {task}"
+    best = "scripts and planner with truth on the same held-out specimens"
+    yield Check(name, best, table, None, page, Path(page).stem, f":TABLES.{task}.kept_report")
+    learned, more = f"{table} --agents runs/NAME/policy", "agents, scripts and planner on the same held-out specimens"
+    yield Check(f"{name}, learned", more, learned, None, page, f"{task}-agents", f":TABLES.{task}.kept_agents_report")
+    ladder = f"scripts.benchmarks.policies.knowledge_ladder {task}"
+    truth = "the same script with more and more of the truth"
+    yield Check(f"{name}, information", truth, ladder, None, page, f"{task}-ladder", f":LADDERS.{task}.kept_report")
+
 
 AGENTS = (  # agents, scripts and planners
     Check("agents: training", "what the training command reaches, one run for each seed", "cutenv train", 4,
@@ -350,8 +358,7 @@ AGENTS = (  # agents, scripts and planners
     updated("README.md", "excision-short", "agents on excisions in short",
           "scripts.benchmarks.policies.task_table:TABLES.excision.short_report"),
     Check("agents: baselines", "every baseline on every class: how much there is to learn",
-          "scripts.benchmarks.policies.baseline_table", 15, "docs/results/baselines.md", "baselines",
-          "scripts.benchmarks.policies.baseline_table:kept_report"),
+          "scripts.benchmarks.policies.baseline_table", 15, "docs/results/baselines.md", "baselines", ":kept_report"),
     Check("agents: benchmark", "the benchmark runs from its beginning to its end",
           "scripts.benchmarks.leaderboard.benchmark_agents --afresh", None, "docs/results/leaderboard.md", long=True),
     Check("agents: benchmark, against the published one", "another benchmark agrees with the published one",
@@ -360,76 +367,50 @@ AGENTS = (  # agents, scripts and planners
           "scripts.benchmarks.leaderboard.published", 0, "docs/results/leaderboard.md", "benchmark",
           "scripts.benchmarks.leaderboard.table:markdown"),
     Check("agents: information", "the same script with the mean tissue, with what it infers, and with the truth",
-          "scripts.benchmarks.policies.ladder", 5, "docs/results/information.md", "ladder",
-          "scripts.benchmarks.policies.ladder:report", kept="runs/ladder/ladder.csv"),
+          "scripts.benchmarks.policies.ladder", 5, "docs/results/information.md", "ladder", ":report",
+          kept="runs/ladder/ladder.csv"),
     Check("agents: return strokes", "return strokes of policies, and what they gain",
           "scripts.benchmarks.policies.return_strokes POLICY", None, "docs/results/information.md", "return-strokes",
-          "scripts.benchmarks.policies.return_strokes:report", kept="runs/strokes/strokes.csv"),
+          ":report", kept="runs/strokes/strokes.csv"),
     Check("agents: memory of a slab", "what there is to gain by remembering a slab",
           "scripts.benchmarks.policies.ladder --specimen-class liver", 5, "docs/results/information.md", "slab-memory",
-          "scripts.benchmarks.policies.ladder:memory_report", kept="runs/ladder/liver.csv"),
+          ":memory_report", kept="runs/ladder/liver.csv"),
     Check("agents: learned stop", "where a script should stop, learned from thousands of specimens",
-          "scripts.benchmarks.policies.learned_stop", 5, "docs/results/information.md", "learned-stop",
-          "scripts.benchmarks.policies.learned_stop:report", kept="runs/ladder/learned_stop.csv"),
+          "scripts.benchmarks.policies.learned_stop", 5, "docs/results/information.md", "learned-stop", ":report",
+          kept="runs/ladder/learned_stop.csv"),
     Check("agents: from scratch", "return by decisions and minutes, without scripts and demonstrations, on every task",
           "scripts.benchmarks.policies.from_scratch", 600, "docs/results/from-scratch.md", "from-scratch",
-          "scripts.benchmarks.policies.from_scratch:kept_report"),
+          ":kept_report"),
     Check("agents: learners of other libraries",
           "learners of other libraries with their defaults on the raw observation",
-          "scripts.benchmarks.policies.stock_learners", 180, "docs/results/from-scratch.md", "stock",
-          "scripts.benchmarks.policies.stock_learners:kept_report"),
+          "scripts.benchmarks.policies.stock_learners", 180, "docs/results/from-scratch.md", "stock", ":kept_report"),
     Check("agents: budget for the cost", "return and cost with and without a Lagrange multiplier",
-          "scripts.benchmarks.policies.safe_cut", None, "docs/results/safe-cut.md", "safe-cut",
-          "scripts.benchmarks.policies.safe_cut:report", kept="runs/safe-cut/rows.csv"),
-    Check("agents: depth", "scripts and planner with truth on the same held-out specimens",
-          "scripts.benchmarks.policies.task_table depth", None, "docs/results/depth-cut.md", "depth-cut",
-          "scripts.benchmarks.policies.task_table:TABLES.depth.kept_report"),
-    Check("agents: depth, learned", "agents, scripts and planner on the same held-out specimens",
-          "scripts.benchmarks.policies.task_table depth --agents runs/NAME/policy", None, "docs/results/depth-cut.md",
-          "depth-agents", "scripts.benchmarks.policies.task_table:TABLES.depth.kept_agents_report"),
-    Check("agents: depth, information", "the same script with more and more of the truth",
-          "scripts.benchmarks.policies.knowledge_ladder depth", None, "docs/results/depth-cut.md", "depth-ladder",
-          "scripts.benchmarks.policies.knowledge_ladder:LADDERS.depth.kept_report"),
-    Check("agents: path", "scripts and planner with truth on the same held-out specimens",
-          "scripts.benchmarks.policies.task_table path", None, "docs/results/path-cut.md", "path-cut",
-          "scripts.benchmarks.policies.task_table:TABLES.path.kept_report"),
-    Check("agents: path, learned", "agents, scripts and planner on the same held-out specimens",
-          "scripts.benchmarks.policies.task_table path --agents runs/NAME/policy", None, "docs/results/path-cut.md",
-          "path-agents", "scripts.benchmarks.policies.task_table:TABLES.path.kept_agents_report"),
-    Check("agents: path, information", "the same script with more and more of the truth",
-          "scripts.benchmarks.policies.knowledge_ladder path", None, "docs/results/path-cut.md", "path-ladder",
-          "scripts.benchmarks.policies.knowledge_ladder:LADDERS.path.kept_report"),
-    Check("agents: excision", "scripts and planner with truth on the same held-out specimens",
-          "scripts.benchmarks.policies.task_table excision", None, "docs/results/excision.md", "excision",
-          "scripts.benchmarks.policies.task_table:TABLES.excision.kept_report"),
-    Check("agents: excision, learned", "agents, scripts and planner on the same held-out specimens",
-          "scripts.benchmarks.policies.task_table excision --agents runs/NAME/policy", None, "docs/results/excision.md",
-          "excision-agents", "scripts.benchmarks.policies.task_table:TABLES.excision.kept_agents_report"),
-    Check("agents: excision, information", "the same script with more and more of the truth",
-          "scripts.benchmarks.policies.knowledge_ladder excision", None, "docs/results/excision.md", "excision-ladder",
-          "scripts.benchmarks.policies.knowledge_ladder:LADDERS.excision.kept_report"),
+          "scripts.benchmarks.policies.safe_cut", None, "docs/results/safe-cut.md", "safe-cut", ":report",
+          kept="runs/safe-cut/rows.csv"),
+    *on_task("depth", "docs/results/depth-cut.md"),
+    *on_task("path", "docs/results/path-cut.md"),
+    *on_task("excision", "docs/results/excision.md"),
     Check("agents: excision, tuned scripts", "scripts before and after their numbers were searched for",
           "scripts.benchmarks.policies.tune_scripts excision", None, "docs/results/excision.md", "excision-tuned",
-          "scripts.benchmarks.policies.tune_scripts:kept_report", ("excision",)),
+          ":kept_report", ("excision",)),
     Check("agents: excision by hand, tuned scripts", "the same with a hand that yields",
           "scripts.benchmarks.policies.tune_scripts hand-excision", None, "docs/results/excision.md",
-          "hand-excision-tuned", "scripts.benchmarks.policies.tune_scripts:kept_report", ("hand-excision",)),
+          "hand-excision-tuned", ":kept_report", ("hand-excision",)),
     Check("agents: excision by hand", "scripts and planner with truth, with a hand that yields",
           "scripts.benchmarks.policies.task_table hand-excision", None, "docs/results/excision.md", "hand-excision",
-          "scripts.benchmarks.policies.task_table:TABLES.hand-excision.kept_report"),
+          ":TABLES.hand-excision.kept_report"),
     Check("agents: excision by hand, information", "the same script with more and more of the truth",
           "scripts.benchmarks.policies.knowledge_ladder hand-excision", None, "docs/results/excision.md",
-          "hand-excision-ladder", "scripts.benchmarks.policies.knowledge_ladder:LADDERS.hand-excision.kept_report"),
+          "hand-excision-ladder", ":LADDERS.hand-excision.kept_report"),
     Check("agents: excision by hand, learned", "agents and scripts with a hand that yields",
           "scripts.benchmarks.policies.task_table hand-excision --agents runs/NAME/policy", None,
-          "docs/results/excision.md", "hand-excision-agents",
-          "scripts.benchmarks.policies.task_table:TABLES.hand-excision.kept_agents_report"),
+          "docs/results/excision.md", "hand-excision-agents", ":TABLES.hand-excision.kept_agents_report"),
     Check("agents: learned from nothing", "agents that learned without a script",
           "scripts.benchmarks.policies.task_table excision --from-nothing runs/NAME/policy", None,
-          "docs/results/excision.md", "from-nothing", "scripts.benchmarks.policies.task_table:from_nothing_report"),
+          "docs/results/excision.md", "from-nothing", ":from_nothing_report"),
     Check("agents: slow rig", "agents at the decisions and readings of a cheap rig",
           "scripts.benchmarks.policies.slow_rig_agents --train --on-rig 6", 45, "docs/results/slow-rig.md",
-          "slow-rig-agents", "scripts.benchmarks.policies.slow_rig_agents:markdown", kept="runs/slow-rig/table.json"),
+          "slow-rig-agents", ":markdown", kept="runs/slow-rig/table.json"),
 )  # fmt: skip
 
 CHECKS = (*THESIS, *PHYSICS, *MEASUREMENT, *RECORDS, *SCORE, *VISION, *RIG, *CLASSES, *SPEED, *AGENTS, *PAGES)

@@ -58,7 +58,7 @@ def test_names_and_blocks_are_given_once() -> None:
 @pytest.mark.parametrize("check", BLOCKS.values(), ids=BLOCKS)
 def test_the_function_of_a_block_is_there(check: Check) -> None:
     """It is looked for in the source: to import every program would take a minute."""
-    module, _, path = check.prints.partition(":")
+    module, path = check.printer
     spec = find_spec(module)
     assert spec is not None
     assert spec.origin is not None
