@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from cutenv.display.viewer import ForceTrace, Layout, Moment, Slab, palette
-from cutenv.display.viewer.drawn_slab import half_gap
+from cutenv.display.viewer.drawn_slab import HALF_GAP
 from cutenv.display.viewer.scene import derived_quantities, rest_places
 from cutenv.display.viewer.scene_parts import PARTS, SceneFormula, blade_edge
 from cutenv.envs.depth_cut import DepthCutEnv
@@ -122,7 +122,7 @@ def test_the_cut_is_drawn_open_between_clamp_and_tip_only(slab: Slab) -> None:
     assert outline[:, 1].min() == pytest.approx(0.0, abs=1e-12)
     assert outline[:, 1].max() == pytest.approx(tip + lag, rel=1e-9)
     assert np.abs(outline[:, 0]).max() < 0.003
-    assert half_gap(np.array([0.0, tip, tip + 0.01]), tip).tolist() == [0.0, 0.0, 0.0]
+    assert HALF_GAP({"along": np.array([0.0, tip, tip + 0.01]), "tip": tip}).tolist() == [0.0, 0.0, 0.0]
     ahead = slab.rest[0, :, :, 1] >= tip
     opened = slab.opened(slab.rest, tip)
     assert np.array_equal(opened[:, ahead], slab.rest[:, ahead])

@@ -110,8 +110,11 @@ def _force(cut: ScoredCut) -> list[TechniqueFault]:
     i = int(np.argmax(per_depth))
     if per_depth[i] <= FORCE_LIMIT_PER_DEPTH or _told_end(cut) == "force_limit":
         return []
-    allowed = f"a cut {1e3 * depth[i]:.0f} mm deep allows {FORCE_LIMIT_PER_DEPTH * depth[i]:.1f} N"
-    return [_seen(cut, "force", i, f"pressed with {cut.newtons[i]:.1f} N {{where}}: {allowed}", EASE_OFF)]
+    says = (
+        f"pressed with {cut.newtons[i]:.1f} N {_where(cut, *_instant(cut, i))}: "
+        f"a cut {1e3 * depth[i]:.0f} mm deep allows {FORCE_LIMIT_PER_DEPTH * depth[i]:.1f} N"
+    )
+    return [_seen(cut, "force", i, says, EASE_OFF)]
 
 
 def _end(cut: ScoredCut) -> list[TechniqueFault]:
@@ -150,7 +153,7 @@ def _stop(cut: ScoredCut) -> list[TechniqueFault]:
     if told is None:
         return []
     kind, happened, advice = told
-    return [_seen(cut, kind, -1, f"{happened}, {{where}}{_rest_of(cut)}", advice)]
+    return [_seen(cut, kind, -1, f"{happened}, {_where(cut, *_instant(cut, -1))}{_rest_of(cut)}", advice)]
 
 
 def _rest_of(cut: ScoredCut) -> str:
@@ -169,10 +172,14 @@ def _told_end(cut: ScoredCut) -> str:
 
 
 def _seen(cut: ScoredCut, kind: str, i: int, says: str, try_next: str) -> TechniqueFault:
-    """Return a fault at a reading, whose place and time are ``{where}``."""
-    time, position = float(cut.time[i]), None if cut.trace.position is None else float(cut.position[i])
-    says = says.format(where=_where(cut, time, position))
+    """Return a fault at a reading."""
+    time, position = _instant(cut, i)
     return TechniqueFault(kind=kind, time=time, position=position, says=says, try_next=try_next)
+
+
+def _instant(cut: ScoredCut, i: int) -> tuple[float, float | None]:
+    """Return time [s] and position [m] of a reading."""
+    return float(cut.time[i]), None if cut.trace.position is None else float(cut.position[i])
 
 
 def _where(cut: ScoredCut, time: float, position: float | None) -> str:
@@ -198,5 +205,6 @@ def _pauses(cut: ScoredCut) -> list[TechniqueFault]:
         length = float(cut.time[min(stop, last)] - cut.time[start])
         if length >= _PAUSE and float(cut.position[start]) < float(cut.position.max()) - 1e-3:
             cure = "keep going, slowly and evenly: each new start stretches the tissue again"
-            found.append(_seen(cut, "pause", start, f"rested for {length:.1f} s {{where}}", cure))
+            says = f"rested for {length:.1f} s {_where(cut, *_instant(cut, start))}"
+            found.append(_seen(cut, "pause", start, says, cure))
     return found
