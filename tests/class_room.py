@@ -107,7 +107,7 @@ ENGLISH = re.compile(
 
 
 def check_nothing_is_english(*texts: str) -> None:
-    """Of texts and pages nothing is English but names, values and what stands in brackets."""
+    """Check that texts and pages have no English but names, values and brackets."""
     for text in texts:
         seen = NOT_SAID.sub(" ", html.unescape(text))
         assert not ENGLISH.search(seen), (ENGLISH.search(seen), seen)

@@ -294,7 +294,7 @@ def turn_motor(motors: StructArray, load: float) -> None:
             motor.position = motor.carriage + motor.slipped
 
 
-CLAMP_TOLERANCE = 0.002  # greatest distance of the blade from the clamp at which a specimen can be laid [m]
+CLAMP_TOLERANCE = 0.002  # greatest distance of the blade from the clamp at which a specimen can be mounted [m]
 # distance from the blade's lower end up to the sensor, of an emulated or fake rig with an axis across the cut [m]
 ARM = 0.1
 

@@ -166,7 +166,7 @@ class RigSource:
     Without ``operator`` a person at the terminal is asked before anything moves, and none for an emulated or fake rig.
     ``needs_axis`` is the axis across the cut that is needed, "height" or "side", and ``by`` what needs it: an emulated
     or fake rig then has one, and a file without its section is refused.  With ``dry_run`` a fake has the rig's
-    settings. ``draws`` is True if specimens are drawn by program, not laid by hand.
+    settings. ``draws`` is True if specimens are drawn by program, not mounted by hand.
 
     ValueError or FileNotFoundError if the file is missing or not valid.
     """

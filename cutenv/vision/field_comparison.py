@@ -405,7 +405,7 @@ PRIOR_SD = 0.5
 """Default standard deviation of the prior of log E: liver varies by 0.2 to 0.5 of its modulus along a cut."""
 
 _MIN_VARIANCE_REMOVED = (
-    0.75  # share of a zone's prior variance that the data must remove for its modulus to count as told
+    0.75  # share of a zone's prior variance that the data must remove for its modulus to count as measured
 )
 _LEADING = 0.3  # weight from which a zone is named in a combination
 _LEAST_INFORMATION = 3.0  # of a combination, in prior variances: below it the prior says more than a quarter
@@ -573,12 +573,12 @@ def _unknown(information: Array, learned: Array, borders: Array, length: float) 
     edges = np.concatenate(([0.0], borders, [length]))
     names = [f"zone {i + 1} ({100 * a:.1f} to {100 * b:.1f} cm)" for i, (a, b) in enumerate(pairwise(edges))]
     said = []
-    untold = learned < _MIN_VARIANCE_REMOVED
-    for i in np.flatnonzero(untold):
+    unmeasured = learned < _MIN_VARIANCE_REMOVED
+    for i in np.flatnonzero(unmeasured):
         said.append(f"{names[i]}: {100 * (1 - learned[i]):.0f} % of its variance is still the prior's")
     strength, directions = np.linalg.eigh(information)
     for value, direction in zip(strength, directions.T, strict=True):
-        zones = [i for i in np.flatnonzero(np.abs(direction) >= _LEADING) if not untold[i]]
+        zones = [i for i in np.flatnonzero(np.abs(direction) >= _LEADING) if not unmeasured[i]]
         if value < _LEAST_INFORMATION and len(zones) > 1:
             listed = ", ".join(str(i + 1) for i in zones)
             said.append(f"the ratio of zones {listed}: told only together")

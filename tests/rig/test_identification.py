@@ -54,7 +54,7 @@ WITHIN = {
     "acceleration": {"rel": 0.05},
     "backlash": {"rel": 0.1, "abs": 20e-6},
 }
-"""How near each constant is found."""
+"""Tolerance of each constant that is found."""
 
 
 def check(found: Identification, truth: Rig, name: str) -> None:

@@ -276,7 +276,7 @@ def paired_experiment(
     """Let a policy cut equal specimens in simulator and on rig.
 
     They are the episodes 0, 1, ... of the seed, or all the same ``specimen``, where its tissue is known, such as blocks
-    from one mould; the simulator cuts each ``draws`` times, 2 to 100. Specimens that nobody has drawn are made equal by
+    from one mould; the simulator cuts each ``draws`` times, 2 to 100. Specimens that are not drawn are made equal by
     their twins, which are fitted to the first half of each record; the second halves are compared. Tasks with a third
     axis have no twins: then the two sides are two samples. ``unknown`` treats an emulated or fake rig's specimens as
     those of a lab.

@@ -187,7 +187,7 @@ def _parser() -> argparse.ArgumentParser:
         "hx711",
         choices=("hx711", "ads1220", "nau7802"),
     )
-    add("--no-zero", "a serial rig, or one with GRBL, whose zero nobody has set yet")
+    add("--no-zero", "a serial rig, or one with GRBL, whose zero is not set yet")
     add(
         "--fault NAME@SECONDS",
         "fault to raise at this time; NAME:KEY=VALUE,KEY=VALUE@SECONDS with parameters; may be given again",

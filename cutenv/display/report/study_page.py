@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-_MAX_CUTS = 100  # number of cuts beyond which nobody would make them
+_MAX_CUTS = 100  # number of cuts above which a study is not feasible
 _WORDS = (
     "ICC, the intraclass correlation: the share of a metric's variance that lies between people, and not between the "
     "cuts of one person. 1 is a metric that is always the same for the same person, 0 one that tells nobody from "

@@ -25,7 +25,7 @@ def score_curve(people: Sequence[Scores], *, mark: float | None = None, label: s
     """Return an SVG of one person's scores, or several with mean.
 
     Of one person every cut is a point; the mark is a dashed line. The label, for a screen reader, has no characters
-    that mean something in XML. It is "" if nobody has a score.
+    that mean something in XML. It is "" without any score.
     """
     longest = max((len(scores) for scores in people), default=0)
     if not any(score is not None for scores in people for score in scores):

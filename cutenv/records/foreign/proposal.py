@@ -90,7 +90,7 @@ class Question:
     text: str
     # answers as words, and as items of the mapping (``{"unit": "mN"}``) which they set
     choices: tuple[tuple[str, Mapping[str, str]], ...]
-    # index of the answer that is taken if nobody is asked; None if none is likelier than the others
+    # index of the default answer; None if none is likelier than the others
     proposed: int | None = None
 
     def __str__(self) -> str:

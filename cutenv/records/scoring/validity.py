@@ -329,7 +329,7 @@ _SHARPEST_SMOOTHED = 10.0  # [1/s], sharpness of lurches below which they are no
 _FINE = 1000  # samples a second at which a lurch is looked at closely
 _FALL, _SPEED = 4, 5  # such samples over which the force falls, and over which the largest speed is taken
 _USUAL, _STARTS, _LASTS = 150, 50, 200  # such samples: from when to when before the fall it is usual; of a lurch
-_MIN_LURCHES = 3  # lurches by whose median it is told what comes first
+_MIN_LURCHES = 3  # lurches whose median decides which fault comes first
 QUICKNESS = 1.67
 """Largest speed of a lurch over the root of fall and way [1/kg^0.5], of a hand as ``cutenv play`` has it, median."""
 

@@ -361,6 +361,10 @@ def test_seeds_of_training_runs_validation_and_test_are_disjoint():
     assert len(Protocol().test_seeds) == Protocol().specimens
 
 
+def test_the_held_out_specimens_change_with_the_version():
+    assert Protocol().first_specimen == 10_000 * (int(Protocol().version) - 2)
+
+
 def test_the_table_is_written_again_from_the_cuts_alone(compared):
     names = ("summary.csv", "sweeps.csv", "leaderboard.md")  # a page's drawings carry numbers of their own
     before = {name: (compared / name).read_bytes() for name in names}

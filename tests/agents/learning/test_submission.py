@@ -30,9 +30,9 @@ from cutenv.agents.learning.benchmark import (
     training_kind,
     write_submission,
 )
-from cutenv.agents.learning.evaluation import Contestant, contestant, evaluate
+from cutenv.agents.learning.evaluation import Contestant, batched_rollout, contestant, evaluate
 from cutenv.agents.learning.seeds import ENTRY_SEEDS, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
-from cutenv.agents.policy import ConstantFeed
+from cutenv.agents.policy import ORACLE, ArrayPolicy, ConstantFeed
 from cutenv.agents.policy.actor_network import Network
 from cutenv.commands import submit
 
@@ -266,6 +266,71 @@ def test_the_files_of_a_class_are_its_module_and_what_it_says_that_it_reads(tmp_
     contestant("mine_of_files:Mine")
     assert entry_files("mine_of_files:Mine")["table.npz"] == b"table"
     assert sorted(entry_files("mine_of_files:Mine")) == ["mine_of_files.py", "table.npz"]
+
+
+class Table(ArrayPolicy):
+    """The attack: the planner's actions on known specimens, looked up by the first observation of a cut."""
+
+    def __init__(self, known: dict[bytes, np.ndarray]) -> None:
+        self.known, self.hits = known, 0
+
+    def begin(self, rngs):
+        self.plans: list[np.ndarray] | None = None
+
+    def forget(self, cuts):
+        raise NotImplementedError
+
+    def act(self, observations):
+        if self.plans is None:
+            found = [self.known.get(one.tobytes()) for one in observations]
+            self.hits += sum(plan is not None for plan in found)
+            feed = np.tile(np.float32([0.3, 1.0]), (1, 1))  # where the table has nothing
+            self.plans, self.decision = [feed if plan is None else plan for plan in found], -1
+        self.decision += 1
+        return np.stack([plan[min(self.decision, len(plan) - 1)] for plan in self.plans])
+
+
+def table_of(seeds) -> Table:
+    """Record what the planner that is shown the truth does on each specimen."""
+
+    class Recorder(ArrayPolicy):
+        privileged = True
+
+        def __init__(self):
+            self.planner, self.seen, self.done = contestant(ORACLE).policy, [], []
+
+        def begin(self, rngs):
+            self.planner.begin(rngs)
+
+        def set_states(self, states):
+            self.planner.set_states(states)
+
+        def forget(self, cuts):
+            raise NotImplementedError
+
+        def act(self, observations):
+            self.seen.append(observations.copy())
+            self.done.append(np.array(self.planner.act(observations), np.float32))
+            return self.done[-1]
+
+    recorder = Recorder()
+    batched_rollout(recorder, seeds, {"specimen_class": "mixed"})
+    plans = np.stack(recorder.done, axis=1)
+    return Table({first.tobytes(): plan for first, plan in zip(recorder.seen[0], plans, strict=True)})
+
+
+def test_a_table_of_the_planners_actions_wins_on_public_specimens_and_finds_none_of_those_drawn_for_it():
+    table = table_of(FEW.test_seeds)
+    public = submitted_run(Contestant(table), {}, FEW, FEW.test_seeds)
+    assert table.hits == FEW.specimens
+    script = evaluate({"it": contestant("return stroke")}, FEW.test_seeds, {"specimen_class": "mixed"}, processes=1)
+    assert np.mean(public.returns) > np.mean([row["return"] for row in script])
+    content = b"".join(first + plan.tobytes() for first, plan in table.known.items())
+    drawn = entry_seeds(entry_digest([{"table": content}]), FEW)
+    table.hits = 0
+    private = submitted_run(Contestant(table), {}, FEW, drawn)
+    assert table.hits == 0
+    assert np.mean(private.returns) < np.mean(public.returns) - 0.2
 
 
 def test_a_policy_is_not_told_the_seeds_of_its_specimens_by_its_random_numbers():

@@ -39,7 +39,7 @@ def test_a_short_record_is_shown_whole() -> None:
 
 
 def test_the_loaded_tip_stands_at_the_blade() -> None:
-    """As far as the force is smooth."""
+    """Compare where the force is smooth."""
     cut = ShownCut.of(forward().trace)
     loaded = cut.force > 1.0
     assert loaded.sum() > 40

@@ -176,7 +176,7 @@ _STATES = (
 HOMED = 0x8000
 
 
-# code, of those that the standard leaves to makers, under which a drive is reported that would not do as told
+# code, of those that the standard leaves to makers, under which a drive is reported that does not obey
 HINDERED = 0xFF01
 # bits of a statusword: the drive obeys the bus; its power stage has voltage; a limit of its own holds it back
 REMOTE, VOLTAGE, INTERNAL_LIMIT = 0x0200, 0x0010, 0x0800

@@ -22,7 +22,7 @@ class Standing(NamedTuple):
     errors: tuple[float, float, float]
     """Largest errors of the stiffness along the path, coupled (over that along) and across [1]."""
     residual: float | None  # largest residual of the energy account over the work or 1 mJ [1]; None without energies
-    seconds: float  # time of a tip's stiffness [s], as told
+    seconds: float  # time of a tip's stiffness [s], as given
 
     def cells(self) -> tuple[str, ...]:
         """Return the cells of its row."""
