@@ -310,3 +310,8 @@ def test_wanted_floor_and_layer_of_a_cut_are_where_the_task_has_them() -> None:
     assert scene["wanted_at"](at) == pytest.approx(surface - wanted)
     assert scene["layer_at"](at) == pytest.approx(surface - env.cutting.motion["boundary"][0])
     assert scene["limited_at"](at) == pytest.approx(wanted)
+
+
+def test_a_slab_displaced_for_another_tip_is_noticed(slab: Slab) -> None:
+    with pytest.raises(AssertionError):
+        check_carries_the_tip(slab, slab.displacement(0.07, 0.006), 0.05, 0.006)

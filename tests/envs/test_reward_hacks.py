@@ -233,3 +233,14 @@ def test_a_slow_finished_cut_of_the_toughest_tissue_scores_above_doing_nothing(s
     finished = returns_of_slow_finished_cuts(toughest(specimen_class))
     assert len(finished) >= 3
     assert min(finished) > returns_of("nothing", "mixed").max()
+
+
+def test_random_actions_do_not_beat_themselves_so_the_check_can_fail():
+    some = returns_of("random", "liver")
+    assert interval(some[:6])[0] < interval(some[6:])[1]
+
+
+def test_with_much_larger_weights_of_force_and_lag_it_does_not_so_the_check_can_fail():
+    larger = {"weight_force": 0.25, "weight_lag": 0.25}
+    nothing = cut(make(**larger), NoAction()).total
+    assert min(returns_of_slow_finished_cuts(toughest("liver"), **larger)) < nothing

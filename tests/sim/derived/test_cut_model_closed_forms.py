@@ -199,3 +199,9 @@ def test_energy_is_mirror_symmetric() -> None:
 def test_a_displacement_of_another_mesh_is_refused() -> None:
     with pytest.raises(ValueError, match="give one of each node"):
         CutModel().strain_energy_density(np.zeros((10, 2)), MODULUS)
+
+
+@pytest.mark.parametrize("name", ["quad8", "mixed"])
+def test_another_poisson_ratio_than_the_field_s_is_noticed(name: str) -> None:
+    with pytest.raises(AssertionError):
+        check_energy_closes(CutModel(**MODELS[name]), 0.35)

@@ -263,3 +263,30 @@ def test_a_point_outside_is_refused(points: Any, told: str) -> None:
 def test_half_a_load_or_two_are_refused(load: dict[str, float]) -> None:
     with pytest.raises(TypeError, match=r"tip_displacement, or force, modulus and thickness"):
         CutModel().displacement_at([[0.0, 0.0]], 0.05, **load)
+
+
+@pytest.mark.parametrize("formulation", ["plane_stress", "plane_strain"])
+def test_patch_test_fails_with_the_printed_shear_entry(formulation: str) -> None:
+    mesh = small_mesh("quad8")
+    printed = constitutive_matrix(formulation, 0.3) * np.array([1.0, 1.0, 2.0])
+    with pytest.raises(AssertionError):
+        check_patch(mesh, stiffness_matrix(mesh, formulation, 0.3), printed)
+
+
+@pytest.mark.parametrize("element", ["quad4", "quad8"])
+def test_patch_test_fails_when_the_halves_are_not_joined(element: str) -> None:
+    """The outline alone does not hold the faces: they would stay free of traction."""
+    mesh = small_mesh(element)
+    slit = mesh_of(element, mesh.divisions)
+    apart = mesh.nodes.copy()
+    apart[mesh.pairs[1:-1, 1], 0] += 1e-6
+    slit.__dict__["nodes"] = apart
+    stiffness = stiffness_matrix(mesh, "plane_stress", 0.3)
+    with pytest.raises(AssertionError):
+        check_patch(slit, stiffness, constitutive_matrix("plane_stress", 0.3))
+
+
+def test_halves_that_are_not_joined_move_freely_of_each_other() -> None:
+    mesh = small_mesh("quad8")
+    with pytest.raises(AssertionError):
+        check_free_of_all_but_rigid_motions(mesh.nodes, stiffness_matrix(mesh, "plane_stress", 0.3).toarray())

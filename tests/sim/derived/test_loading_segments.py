@@ -219,3 +219,8 @@ def test_segments_of_a_normalised_force_do_not_depend_on_what_it_was_normalised_
     mine, theirs = loading_segments(one, smallest_drop=drop), loading_segments(other, smallest_drop=drop * scale)
     assert [(s.start, s.stop) for s in mine] == [(s.start, s.stop) for s in theirs]
     assert [scale * s.rate for s in mine] == pytest.approx([s.rate for s in theirs], rel=1e-6, abs=1e-9 * scale)
+
+
+def test_a_smallest_drop_in_the_wrong_unit_is_noticed() -> None:
+    with pytest.raises(AssertionError):
+        check_the_saw_is_found_in_time(in_time_only(saw(speed=0.0127), scale=40.0), 0.0127, 40.0, smallest_drop=0.1)

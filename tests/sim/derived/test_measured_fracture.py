@@ -212,3 +212,26 @@ def test_a_blade_that_does_not_cut_or_creeps_is_refused() -> None:
 def test_nonsense_is_refused(changes: dict[str, float], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         estimate_fracture_resistance(there_and_back(1.0).trace, **changes)
+
+
+def test_friction_of_the_way_back_left_out_is_noticed() -> None:
+    with pytest.raises(AssertionError):
+        check_resistance_comes_back(there_and_back(1.0), 0.05, friction_per_depth=0.0)
+
+
+def test_the_blade_taken_for_the_tip_is_noticed() -> None:
+    cut = there_and_back(1.0)
+    estimate = estimate_fracture_resistance(cut.trace)
+    fracture_energy_per_depth = (estimate.corrected - estimate.friction_per_depth) * estimate.cut_length
+    by_blade = fracture_energy_per_depth / cut.trace.position.max() + estimate.friction_per_depth
+    with pytest.raises(AssertionError):
+        assert by_blade == pytest.approx(cut.true_resistance(), rel=0.05)
+
+
+def test_stored_energy_left_in_is_noticed() -> None:
+    cut = there_and_back(2.0)
+    estimate = estimate_fracture_resistance(cut.trace)
+    stored = 0.5 * 0.02 * 45e3 * (cut.trace.position.max() - cut.tip.max()) ** 2
+    with_it = estimate.corrected + stored / (0.02 * estimate.cut_length)
+    with pytest.raises(AssertionError):
+        assert with_it == pytest.approx(cut.true_resistance(), rel=0.05)

@@ -281,3 +281,28 @@ def test_mean_depth_lies_within_the_measured_depths(formulation):
 def test_what_was_not_measured_is_refused(function, argument):
     with pytest.raises(ValueError, match="must be one of"):
         function(argument)
+
+
+def test_kappa_at_the_blade_instead_of_the_tip_is_noticed() -> None:
+    with pytest.raises(AssertionError):
+        check_modulus_comes_back(rested_cut(), loading_ratio=0.0)
+
+
+def test_friction_left_in_where_the_depth_grows_is_noticed() -> None:
+    with pytest.raises(AssertionError):
+        check_modulus_comes_back(rested_cut("bulge"), friction_per_depth=0.0)
+
+
+def test_depth_at_the_blade_instead_of_the_tip_is_noticed() -> None:
+    with pytest.raises(AssertionError):
+        check_modulus_comes_back(rested_cut("bulge"), loading_ratio=0.0)
+
+
+def test_friction_left_in_the_force_of_a_cut_without_way_back_is_noticed() -> None:
+    with pytest.raises(AssertionError):
+        check_modulus_comes_back(rested_cut("bulge").forward(), friction_per_depth=0.0)
+
+
+def test_another_thickness_in_the_iteration_is_noticed() -> None:
+    with pytest.raises(AssertionError):
+        check_iteration_agrees(0.05, 1e4, thickness=0.01)

@@ -288,3 +288,19 @@ def random_record(n: int) -> Known:
 def test_at_least_95_percent_of_valid_records_with_mild_noise_are_accepted(count):
     reasons = [found for n in range(count) if isinstance(found := random_record(n).measured(), str)]
     assert 1.0 - len(reasons) / count >= ACCEPTED, reasons
+
+
+@pytest.mark.parametrize(
+    ("kind", "disturb"),
+    [
+        ("noise", lambda trace: changed(trace, force=1.2 * trace.force)),
+        ("sample rate", lambda trace: changed(trace, depth=0.9 * trace.depth)),
+        ("offset", lambda trace: shifted(trace, 0.1, left_in=True)),
+        ("strokes", lambda trace: shifted(trace, -0.2, left_in=True)),
+    ],
+    ids=["another gain", "another depth", "a zero left in", "a zero far off"],
+)
+def test_what_moves_results_further_is_noticed(kind, disturb):
+    condition = CONDITIONS[1]
+    with pytest.raises(AssertionError, match=kind):
+        check_within(kind, condition, disturb(of(condition)))

@@ -291,3 +291,33 @@ def test_the_same_segments_in_another_model_differ_by_its_stiffness() -> None:
     assert whole.min() <= ratio.min() <= ratio.max() <= whole.max()
     assert (np.diff(ratio) > 0.0).all()  # as the models' stiffnesses come together away from the clamp
     assert found.apparent is None
+
+
+@pytest.fixture
+def other_livers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Livers three times as stiff and as tough as those that were measured: four cuts tell no less."""
+    liver = drawn_livers.measured_liver()
+    threefold = {name: 3.0 * getattr(liver, name) for name in ("modulus", "fracture_resistance")}
+    monkeypatch.setattr(drawn_livers, "measured_liver", lambda: dataclasses.replace(liver, **threefold))
+    monkeypatch.setattr(drawn_livers, "cuts", functools.cache(drawn_livers.cuts.__wrapped__))
+
+
+@pytest.mark.usefixtures("other_livers")
+def test_livers_three_times_as_stiff_and_tough_are_noticed() -> None:
+    for name in ("livers-by-cut", "livers-5-5", "livers-5-6", "livers-6-1"):
+        with pytest.raises(AssertionError):
+            check_agrees(CHECKS[name])
+
+
+def test_an_erratum_without_a_statement_is_noticed() -> None:
+    with pytest.raises(AssertionError):
+        check_shown("Section 9.9 has a misprint.")
+
+
+def test_other_means_and_other_spreads_are_noticed() -> None:
+    assert share_that_agrees("mean_row", shift=2.0) < 0.15
+    assert share_that_agrees("sd_row", factor=5.0) < 0.15
+
+
+def test_another_law_is_noticed() -> None:
+    assert max(share_of_lines_that_agree(change=1.0)) < 0.15
